@@ -1,4 +1,4 @@
-"""plan-expect: what is read at each node, in several worlds; a change of friction shows by it."""
+"""plan-expect: the expected readings at each node in several worlds, and a control chart that uses them."""
 
 import json
 
@@ -21,17 +21,18 @@ LOADED = load(TABLE_PATH)
 TABLE = LOADED.table
 JOB = job_file.from_canonical(str(TABLE.job))
 BEFORE, WITHIN = 200, 50
-TRIALS = 30_000  # with fewer, chance in what is expected raises false alarms
+TRIALS = 30_000  # with fewer, chance in the expected readings raises false alarms
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
+    """The file that plan-expect writes."""
     path = tmp_path_factory.mktemp("expect") / "expected.json"
     assert expect.main([str(TABLE_PATH), "-o", str(path), "--trials", str(TRIALS)]) == 0
     return path
 
 
-def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
+def test_expect_file_equals_the_expectation_of_its_seed_and_trials(written, tmp_path):
     assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
     record = json.loads(written.read_text())
     assert {sum(world["readings"][0].values()) for world in record["worlds"]} == {TRIALS}
@@ -41,7 +42,7 @@ def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tm
 
 
 @pytest.mark.parametrize("friction", [(0.05, 0.15), (0.8, 1.0)])
-def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
+def test_readings_chart_alarms_only_after_a_change_of_friction(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))
     after = list(parts(TABLE, squeezed(TABLE, JOB, WITHIN, 22, drift), 22, drift))

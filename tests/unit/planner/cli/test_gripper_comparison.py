@@ -1,4 +1,4 @@
-"""`try --gripper all`: one line a gripper, in its words and in JSON; nothing is written."""
+"""`squeezetree try --gripper all`: one line for each gripper, as text or JSON; no files are written."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,7 @@ FIGURES["error_mm"] = {"median": 0.2, "p95": 0.9}
 
 @pytest.fixture(autouse=True)
 def _planned(monkeypatch):
-    """Plans with a Hand-E fail, all others have the same figures."""
+    """Planning fails with a Hand-E, and gives the same figures with all other grippers."""
 
     def planned(job, *_):
         if job.gripper.model == "hand-e":
@@ -39,7 +39,7 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
     assert [path.name for path in plate.parent.iterdir()] == ["plate.csv"]
 
 
-def test_compare_says_of_each_gripper_that_is_too_small_that_it_is(plate):
+def test_compare_large_part_names_each_gripper_too_small_for_it(plate):
     plate.write_text("0,0\n60,0\n60,40\n0,40\n")
     words = [plate, "--units", "mm", "--gripper", "all", "--json"]
     rows = document(first_look.main, *words)["grippers"]

@@ -1,4 +1,4 @@
-"""plan-init: from a drawing to a job that compiles, by flags or by answers at a terminal."""
+"""plan-init: from a drawing to a valid job, by flags or by answers at a terminal."""
 
 import json
 import os
@@ -43,7 +43,7 @@ def words(drawing, output, *more):
     return [str(drawing), "-o", str(output), *flags, *more]
 
 
-def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path):
+def test_init_comments_show_the_defaults_of_the_job_fields(drawing, tmp_path):
     output = tmp_path / "job.toml"
     init.main(words(drawing, output))
     section, shown = "", {}
@@ -54,29 +54,31 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
             shown |= {(section, key): value for key, value in tomllib.loads(match[1]).items()}
     assert len(shown) > 20
     for example in ("part height_mm", "part faces", "part picks"):
-        del shown[tuple(example.split())]  # it has no default
+        del shown[tuple(example.split())]  # these have no default
     fitted = PRESSURE_FIELDS["boundary"]["limit_surface"]
     assert shown.pop(("pressure", "limit_surface")) == fitted.default
     del shown["actions", "pushes"], shown["goal", "identify"]
     del shown["cell", "regrasp_height_mm"]
-    profile = PROFILES["robotiq-2f-85"]  # what a job does not say of its gripper, it knows
+    profile = PROFILES["robotiq-2f-85"]  # supplies the values that a job leaves out
     step_mm = profile.resolution_um / 1e3
     assert shown.pop(("gripper", "resolution_mm")) == pytest.approx(step_mm, 1e-3)
     assert shown.pop(("gripper", "noise_mm")) == profile.noise_um / 1e3
     assert shown.pop(("doubt", "encoder_mm")) == [-1.1, 1.1]
     cell = {key: shown.pop(("cell", key)) for key in timing.DEFAULTS}
-    assert cell == timing.DEFAULTS  # where a job says nothing
+    assert cell == timing.DEFAULTS
     for (name, key), value in shown.items():
         if name in ABSENT_SECTIONS and FIELDS[name][key].default in (None, REQUIRED):
-            continue  # an example: left out, it has no value
+            continue  # the comment shows an example, not a default
         default = FIELDS[name][key].default
         if name == "doubt" and default is None:
-            default = 0.0  # left out, nothing is off
+            default = 0.0  # a doubt left out is an offset of 0
         assert default == value if key != "wishart_dof" else value == 100
 
 
 @pytest.mark.parametrize(("gripper", "fingers"), list(zip(GRIPPERS, cycle(FINGERS), strict=False)))
-def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
+def test_init_each_gripper_and_fingers_preset_writes_a_valid_job(
+    drawing, tmp_path, gripper, fingers
+):
     output = tmp_path / "job.toml"
     more = ["--gripper", gripper, "--fingers", fingers, "--turn", "20", "--name", 'a "b" # c']
     assert init.main(words(drawing, output, *more)) == 0
@@ -89,7 +91,7 @@ def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
 
 
 def at_a_terminal(command, answers):
-    """Runs a command on a pseudo-terminal and types; returns its exit code and what was seen."""
+    """Runs a command on a pseudo-terminal and types the answers; returns its exit code and its output."""
     keyboard, screen = pty.openpty()
     with subprocess.Popen(command, cwd=ROOT, stdin=screen, stdout=screen, stderr=screen) as process:
         os.close(screen)
@@ -105,7 +107,7 @@ def at_a_terminal(command, answers):
     return code, seen.decode()
 
 
-def test_at_a_terminal_it_asks(tmp_path):
+def test_init_at_a_terminal_asks_for_missing_answers(tmp_path):
     drawing = draw(tmp_path, 0)
     output = tmp_path / "job.toml"
     command = [PLAN_INIT, str(drawing), "-o", str(output)]
@@ -118,14 +120,14 @@ def test_at_a_terminal_it_asks(tmp_path):
     assert (job.part.height_mm, job.cell.squeeze_height_mm) == (6.0, 3.0)
 
 
-TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom and its top
+TALL = [(40.0, 20.0), (34.0, 14.0)]  # bottom and top of a tapered block 30 mm high [mm]
 
 
 @pytest.mark.parametrize(
     ("stated", "tips", "length"),
     [((), 8.0, 38.4), (("--height", "20"), 20.0, 36.0), (("--thickness", "10"), 5.0, 39.0)],
 )
-def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length):
+def test_init_solid_outline_is_taken_at_the_squeeze_height(tmp_path, stated, tips, length):
     (a, b), (c, d) = TALL
     levels = ((0, a, b), (30, c, d))
     corners = [(x, y, z) for z, side, depth in levels for x in (0, side) for y in (0, depth)]

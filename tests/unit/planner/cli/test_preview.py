@@ -1,4 +1,4 @@
-"""What a page draws of a drawing before it is planned."""
+"""The preview of a drawing, which the studio's page shows before planning."""
 
 import json
 
@@ -12,7 +12,7 @@ def vertices(text):
     return [tuple(map(float, pair.split(","))) for pair in text.split()]
 
 
-def test_the_part_is_drawn_about_its_centre_with_what_would_be_assumed(plate):
+def test_preview_drawing_is_centred_and_states_assumptions(plate):
     shown = preview([plate.name])
     assert shown["error"] is None
     assert set(vertices(shown["outline"])) == {(x, y) for x in (-15.0, 15.0) for y in (-10.5, 10.5)}
@@ -37,7 +37,7 @@ def test_the_part_is_drawn_about_its_centre_with_what_would_be_assumed(plate):
         (["plate.csv", "--distance=-1"], "distance"),
     ],
 )
-def test_what_is_refused_says_why_in_one_line(plate, words, reason):
+def test_preview_invalid_input_returns_a_one_line_error(plate, words, reason):
     error = preview(words)["error"]
     assert reason in error
     assert "\n" not in error

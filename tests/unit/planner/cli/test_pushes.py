@@ -1,4 +1,4 @@
-"""`plan-simulate --push`: files in, files out, and one line for what is wrong with them."""
+"""`plan-simulate --push`: from a file of pushes to one of motions; errors are one line."""
 
 import math
 
@@ -9,8 +9,8 @@ from planner.errors import KeyNameError
 from runtime.shell.errors import InputError
 
 
-def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
-    """The gripper opens 85 mm and the block is wider: it is pushed all the same."""
+def test_simulate_push_straight_moves_the_part_in_the_outline_frame(tmp_path):
+    """The part is wider than the opening of 85 mm, which does not matter to a push."""
     text = f"run,{HEADER},fingers_mm,moved_x_mm\nr1,{STRAIGHT},50,99\n"
     code, rows, out, err = run(tmp_path, text, *NOMINAL)
     assert (code, err) == (0, "")
@@ -26,7 +26,7 @@ def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
     assert rows[0]["status"] == "stuck"
 
 
-def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
+def test_simulate_push_shifted_outline_and_pushes_give_equal_motion(tmp_path):
     text = f"{HEADER}\n30,0,0,1,160,40,-20\n0,100,1,0,40,200,15\n"
     _, rows, _, _ = run(tmp_path, text, *NOMINAL, "--fingers-mm", "50")
     moved_job = JOB.replace(
@@ -56,7 +56,7 @@ def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
         (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputError, "not a CSV file"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, words):
+def test_simulate_push_invalid_file_is_refused_in_one_line(tmp_path, text, error, words):
     code, rows, _, err = run(tmp_path, text, *NOMINAL)
     assert code == error.exit_code
     assert words in err

@@ -1,4 +1,4 @@
-"""plan-refit as a command: what it writes keeps the file's text, and what it refuses, in one line."""
+"""plan-refit: the job that it writes keeps the comments of the old one; errors are one line."""
 
 import tomllib
 from pathlib import Path
@@ -18,7 +18,7 @@ from runtime.table import load
 
 
 def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
-    """Parts of a cell whose widths read 0.6 mm too much."""
+    """Writes the journal of a cell whose encoder reads 0.6 mm too much."""
     loaded = load(TREE)
     cells = Cells.of(model.from_canonical(loaded.table.job), loaded.table)
     values = {"encoder_mm": 0.6, "finger_part_min": 0.4, "finger_part_max": 0.6}
@@ -36,7 +36,7 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
 
 
 @pytest.mark.slow
-def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(tmp_path):
+def test_refit_learns_the_encoder_offset_and_leaves_its_inputs_unchanged(tmp_path):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
     for path in (JOB, TREE):
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -64,7 +64,7 @@ def test_refit_onto_a_table_that_a_cell_may_run_is_refused(tmp_path):
     assert tree.read_bytes() == TREE.read_bytes()
 
 
-def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
+def test_edited_keeps_comments_and_adds_missing_sections():
     text = "a = 1  # one\n[friction]  # two\nfinger_part_min = 0.4  # three\n"
     changed = {"friction": {"finger_part_min": 0.3}, "doubt": {"encoder_mm": [0.1, 0.2]}}
     result = refit.edited(text, changed)
@@ -81,7 +81,7 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
         (lambda d: [*other_job(d)], 3, "another job"),
     ],
 )
-def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, change, code, word):
+def test_refit_unusable_journal_is_refused_in_one_line(tmp_path, change, code, word):
     arguments = change(tmp_path)
     job = [] if arguments[0].endswith(".toml") else [JOB]
     output = tmp_path / "job2.toml"

@@ -1,4 +1,4 @@
-"""What the planner's commands share: interrupts, and work that an answer can do without."""
+"""What the planner's commands share: interrupts, and optional work whose failure is a note."""
 
 import signal
 
@@ -8,7 +8,7 @@ from planner.cli import shell
 from planner.work.limit import Limit
 
 
-def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
+def test_stopping_first_interrupt_asks_and_second_raises(capfd):
     limit = Limit()
     limit.standing = True
     usual = signal.getsignal(signal.SIGINT)
@@ -24,7 +24,7 @@ def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
 @pytest.mark.parametrize(
     "error", [ValueError("no path of 3 squeezes"), KeyboardInterrupt(), OSError(28, "full")]
 )
-def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
+def test_spared_exception_becomes_a_note(error, capsys):
     notes = []
     with shell.spared("picture", notes):
         raise error

@@ -1,4 +1,4 @@
-"""The command of the studio: where it listens."""
+"""The command of the studio: the port that it listens on."""
 
 import socket
 
@@ -8,7 +8,7 @@ from planner.cli import studio
 from planner.studio.folder import Folder
 
 
-def test_a_port_that_is_taken_is_an_error_if_it_was_asked_for(tmp_path):
+def test_studio_stated_port_in_use_is_refused(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         ended = called(studio.main, tmp_path, "--no-browser", "--port", port)
@@ -16,7 +16,7 @@ def test_a_port_that_is_taken_is_an_error_if_it_was_asked_for(tmp_path):
     assert f"--port {port}" in ended.err
 
 
-def test_the_usual_port_that_is_taken_is_replaced_by_a_free_one(tmp_path, monkeypatch):
+def test_listening_default_port_in_use_takes_a_free_one(tmp_path, monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         monkeypatch.setattr(studio, "PORT", taken.getsockname()[1])
         with studio._listening(Folder(tmp_path), None) as server:

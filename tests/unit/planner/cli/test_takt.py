@@ -1,4 +1,4 @@
-"""--takt of the planner's commands: the share of parts that the table's model of time has done within it."""
+"""--takt of the planner's commands: the share of parts that are done within a time, by the table's model."""
 
 import pytest
 from programs import called, document
@@ -13,7 +13,7 @@ FEW = ["--trials", "400"]
 SECONDS = [f"seconds_{name}" for name in ("mean", "p50", "p95", "p99", "max")]
 
 
-def test_evaluate_tells_the_share_within_the_takt() -> None:
+def test_evaluate_takt_states_the_share_of_parts_within_it() -> None:
     def figures(*more: str) -> dict[str, float]:
         return document(evaluate.main, TABLE, *FEW, "--json", *more)
 

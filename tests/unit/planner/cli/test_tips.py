@@ -1,4 +1,4 @@
-"""`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and draws."""
+"""`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and random draws."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ def moved(row):
     return [float(row[name]) for name in OUTPUTS]
 
 
-def test_tip_pushes_the_part_in_the_frame_of_its_outline(tmp_path):
-    """Through the centroid (50, 50): 1 mm to contact, and no turn; the second line passes by."""
+def test_simulate_push_round_tip_moves_the_part_in_the_outline_frame(tmp_path):
+    """The first push is through the centroid, after 1 mm without contact; the second passes the part by."""
     text = f"{TIPS},note\n-5.75,50,21,0,a\n-5.75,-5.75,0,-30,b\n"
     code, rows, out, err = run(tmp_path, text, *NOMINAL, *RADIUS)
     assert (code, err) == (0, "")
@@ -32,14 +32,14 @@ def test_tip_pushes_the_part_in_the_frame_of_its_outline(tmp_path):
 
 
 @pytest.mark.parametrize("deep", [2.0, 9.0])
-def test_tip_that_overlaps_the_part_starts_beside_it_and_goes_the_same_way(tmp_path, deep):
-    clear, inside = f"{-4.75},40,15,4", f"{deep - 4.75},40,15,4"
+def test_simulate_push_overlapping_tip_moves_the_part_like_a_clear_one(tmp_path, deep):
+    clear, inside = "-4.75,40,15,4", f"{deep - 4.75},40,15,4"
     _, rows, _, _ = run(tmp_path, f"{TIPS}\n{clear}\n{inside}\n", *NOMINAL, *RADIUS)
     assert float(rows[1]["overlap_mm"]) == pytest.approx(deep)
     assert moved(rows[1]) == pytest.approx(moved(rows[0]), abs=0.01)
 
 
-def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
+def test_simulate_push_overlap_by_the_tip_diameter_is_refused(tmp_path):
     code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS)
     assert code == InputError.exit_code
     assert "in.csv: push 2: the tip overlaps the part by" in err
@@ -47,7 +47,7 @@ def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
     assert rows == []
 
 
-def test_tips_are_freed_by_the_shortest_way_also_of_notches():
+def test_beside_overlapping_tips_leave_notches_by_the_shortest_way():
     outline = np.array([[0.0, 0], [40, 0], [40, 12], [12, 12], [12, 40], [0, 40]])
     rng, part, radius = np.random.default_rng(2), shapely.Polygon(outline), 3.0
     ring = part.buffer(radius - 0.01)
@@ -69,8 +69,8 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     assert shifted[inside] == pytest.approx(shortest, abs=0.01)
 
 
-def test_start_of_a_push_scatters_as_the_option_says(tmp_path):
-    """A part that hardly scatters turns by more or less, as the pusher stands beside its centroid."""
+def test_simulate_push_start_scatter_widens_the_interval_of_turns(tmp_path):
+    """The part itself hardly scatters; where the pusher starts beside its centroid decides how it turns."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
     steady, widths = JOB.replace("pressure = {", "pressure = { wishart_dof = 100000,"), []
     for start_mm in (0.0, 2.0):
@@ -86,15 +86,14 @@ def test_start_of_a_push_scatters_as_the_option_says(tmp_path):
         ("--tip-radius-mm", "-1"),
         ("--tip-radius-mm", "nan"),
         ("--tip-radius-mm", "2000"),
-        (*RADIUS, "--start-mm", "1"),
+        (*RADIUS, "--start-mm", "1"),  # without draws
         (*RADIUS, "--start-mm", "11"),
         (*RADIUS, "--draws", "0"),
-        (*RADIUS, "--draws", "9"),
+        (*RADIUS, "--draws", "9"),  # together with --nominal
         (*RADIUS, "--draws", "1000000000"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(tmp_path, options):
-    """Draws do not go with --nominal, nor the scatter of a start without draws."""
+def test_simulate_push_invalid_tip_options_are_refused(tmp_path, options):
     code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,2,3,1\n", *NOMINAL, *options)
     assert code == 2
     assert rows == []

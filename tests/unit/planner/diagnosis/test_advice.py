@@ -1,4 +1,4 @@
-"""Advice, where it is plain what limits a plan."""
+"""Advice on plans of which it is known what limits them."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ def evaluation(table, job):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 2000, 2)
 
 
-def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
+def test_gains_without_noise_coarse_encoder_names_encoder_noise_first(table, job):
     coarse = job.replaced(gripper={"noise_mm": 1.2})
     gains = gains_without_noise(table, coarse, 2000)
     assert gains[0].source == "encoder noise"
@@ -31,14 +31,16 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     assert any("encoder noise" in line for line in lines)
 
 
-def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):
-    careful = margins_of(table, evaluation, job, 2000)
+def test_advise_names_only_thin_margins(table, job, evaluation):
+    enough = margins_of(table, evaluation, job, 2000)
     thin = Margins(OFFSET, THIN + 0.01, 0.3)
-    for margins, expected in ((careful, False), (thin, True)):
+    for margins, expected in ((enough, False), (thin, True)):
         lines = advise(table, evaluation, job, margins=margins).lines()
         assert margins.thin == expected
         assert any("thin margins" in line for line in lines) == expected
-    # Leaves in one another's place, where readings only just tell them apart: every answer is wrong.
+
+
+def test_margins_of_leaves_turned_by_40_degrees_has_mostly_wrong_answers(table, job, evaluation):
     leaves = (leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves)
     turned = replace(table, leaves=tuple(leaves))
     assert margins_of(turned, evaluation, job, 500).wrong_rate > 0.9

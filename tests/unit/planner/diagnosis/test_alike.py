@@ -1,4 +1,4 @@
-"""Poses that no squeeze tells apart are named before the search, where the goal asks for them."""
+"""Poses that no squeeze distinguishes are named before the search, if the goal asks to distinguish them."""
 
 import time
 
@@ -34,11 +34,16 @@ def job_of(outline, symmetry=1, **changes):
 @pytest.mark.parametrize(
     ("outline", "stated", "order"),
     [
-        *((box(30, 20), 1, 2), (box(20, 20), 1, 4), (box(20, 20), 2, 4)),
-        *((ring(6), 1, 6), (ring(6), 3, 6), (ring(9), 3, 9)),
+        (box(30, 20), 1, 2),
+        (box(20, 20), 1, 4),
+        (box(20, 20), 2, 4),
+        (ring(6), 1, 6),
+        (ring(6), 3, 6),
+        (ring(9), 3, 9),
     ],
+    ids=["box 1", "square 1", "square 2", "hexagon 1", "hexagon 3", "nonagon 3"],
 )
-def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline, stated, order):
+def test_compile_job_understated_symmetry_is_refused_before_the_search(outline, stated, order):
     job, spent = job_of(outline, stated), time.process_time()
     with pytest.raises(NoPlanError) as error:
         compile_job(job)
@@ -46,7 +51,7 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
     message = str(error.value)
     assert "no squeeze distinguishes" in message
     assert f"which is {order}" in message
-    turn = alike(job)[0].degrees  # a symmetry of the outline that the job does not state
+    turn = alike(job)[0].degrees  # is a symmetry of the outline, but not of the stated order
     assert order * turn % 360.0 == pytest.approx(0.0, abs=1e-6)
     assert stated * turn % 360.0 != pytest.approx(0.0, abs=1e-6)
 
@@ -59,24 +64,24 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
         {"goal": {"distance_mm": 60.0}},
     ],
 )
-def test_goal_or_uncertainty_that_leaves_no_question_is_not_refused(changes):
+def test_alike_turn_that_needs_no_distinction_is_left_out(changes):
     assert alike(job_of(box(30, 20), 1, **changes)) == []
 
 
-def test_difference_below_a_count_is_reported_and_searched_all_the_same():
+def test_alike_difference_below_one_count_is_reported_but_not_hopeless():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
     assert "the gripper resolves 0.37 mm" in result.line()
     assert alike(job_of(chamfered(1.0), "auto")) == []
 
 
-def test_parts_that_may_lie_either_way_are_counted():
+def test_alike_limited_orientation_states_the_share_of_ambiguous_parts():
     (result,) = alike(job_of(box(30, 20), 1, uncertainty={"orientation_halfwidth_deg": 120.0}))
-    assert result.share == pytest.approx(0.5, abs=0.01)  # those beyond 60 degrees
+    assert result.share == pytest.approx(0.5, abs=0.01)  # parts turned by more than 60 degrees
     assert not result.hopeless
     assert "50% of the parts" in result.line()
 
 
-def test_pressure_that_is_stated_may_tell_what_the_outline_does_not():
+def test_alike_asymmetric_pressure_is_not_hopeless():
     pressure = {"kind": "points", "points_mm": [[3.0, 2.0], [27.0, 2.0], [15.0, 12.0]]}
     assert not alike(job_of(box(30, 20), 1, pressure=pressure))[0].hopeless

@@ -1,4 +1,4 @@
-"""Poses left open: found where parts lie, and told apart only where the shape allows it."""
+"""Leaves whose parts lie in several poses, and the squeeze, if there is one, that would distinguish them."""
 
 import math
 from dataclasses import replace
@@ -18,12 +18,13 @@ from planner.world import ContactWorlds
 
 @pytest.fixture(scope="module")
 def marked():
-    """The rectangle with a mark that no jaw feels: its half-turns count, and nothing tells them apart."""
+    """The rectangle's job with order 1, as for a marked part: no squeeze distinguishes its half-turns."""
     return job_file.load(JOB_PATH, {"part": {"symmetry": 1}})
 
 
 @pytest.fixture(scope="module")
 def table(table):
+    """The rectangle's table with all leaves unresolved."""
     leaves = tuple(leaf._replace(resolved=False) for leaf in table.leaves)
     return replace(table, leaves=leaves, goal=replace(table.goal, symmetry=1))
 
@@ -33,7 +34,11 @@ def evaluation(table, marked):
     return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 2000, 2)
 
 
-def test_half_turns_of_a_symmetric_part_stay_open_and_nothing_tells(table, marked, evaluation):
+def in_one_leaf(evaluation, poses):
+    return replace(evaluation, leaf=np.zeros(len(poses), np.int64), poses=poses)
+
+
+def test_ambiguities_symmetric_part_has_half_turns_and_no_separator(table, marked, evaluation):
     result = ambiguities(table, evaluation, marked)
     assert len(result) == 3
     for row in result:
@@ -47,14 +52,13 @@ def test_half_turns_of_a_symmetric_part_stay_open_and_nothing_tells(table, marke
     assert shares == sorted(shares, reverse=True)
 
 
-def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
+def test_ambiguities_l_shape_separator_gives_distinct_widths(table, marked, evaluation):
     job = marked.replaced(part={"outline_mm": l_shape()})
     rng = np.random.default_rng(3)
     n = len(evaluation.leaf)
     turn = np.where(rng.random(n) < 0.6, 0.0, math.pi)
     poses = np.column_stack([0.3 * rng.normal(size=(n, 2)), turn + 0.02 * rng.normal(size=n)])
-    open_leaf = replace(evaluation, leaf=np.zeros(n, np.int64), poses=poses)
-    (row,) = ambiguities(table, open_leaf, job)
+    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), job)
     assert row.where.shares == pytest.approx((0.6, 0.4), abs=0.05)
     assert row.share == 1.0
     simulator = Simulator.of_job(job)
@@ -66,18 +70,11 @@ def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
     assert f"{row.separator.widths_mm[0]:.1f} mm for the first" in row.line()
 
 
-def in_one_leaf(evaluation, poses):
-    return replace(evaluation, leaf=np.zeros(len(poses), np.int64), poses=poses)
-
-
-def scattered(n, rng, mm):
-    return np.column_stack([mm * rng.normal(size=(n, 2)), 0.001 * rng.normal(size=n)])
-
-
-def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evaluation):
+def test_ambiguities_rare_pose_is_named_with_its_share(table, marked, evaluation):
     job = marked.replaced(part={"outline_mm": l_shape()})
+    rng = np.random.default_rng(4)
     n = len(evaluation.leaf)
-    poses = scattered(n, np.random.default_rng(4), 0.2)
+    poses = np.column_stack([0.2 * rng.normal(size=(n, 2)), 0.001 * rng.normal(size=n)])
     poses[: n // 50, 2] += math.pi
     (row,) = ambiguities(table, in_one_leaf(evaluation, poses), job)
     assert row.where.shares == pytest.approx((0.98, 0.02), abs=1e-9)

@@ -1,4 +1,4 @@
-"""Reasons of parts that are not located, where geometry says what they are."""
+"""Reasons why a part is not located, for parts whose geometry decides them."""
 
 import math
 
@@ -30,14 +30,15 @@ def notched(depth):
     return [[-15, -8], *right, [-15, 8]]
 
 
-def test_a_turn_that_is_a_symmetry_is_not_reported():
+def test_nearest_turn_leaves_out_the_stated_symmetry():
     box = np.array([[-15, -8], [15, -8], [15, 8], [-15, 8]], dtype=float)
     assert nearest_turn(box, 1) == (pytest.approx(180.0), pytest.approx(0.0, abs=1e-9))
     assert nearest_turn(box, 2).apart_mm > 3.0
+    assert math.isfinite(nearest_turn(l_shape(), 1).apart_mm)
 
 
 @pytest.mark.parametrize("depth", [0.1, 0.15])
-def test_a_notch_below_a_count_makes_half_turns_alike(depth):
+def test_likeness_shallow_notch_is_below_one_count(depth):
     result = likeness(job_of(notched(depth)))
     assert result.kind == reasons.BELOW
     assert "180 degrees" in result.text
@@ -45,30 +46,44 @@ def test_a_notch_below_a_count_makes_half_turns_alike(depth):
     assert 0.5 * depth <= apart <= 1.5 * depth
 
 
-def test_a_narrow_notch_is_out_of_the_fingers_reach_and_a_bent_part_is_neither():
+def test_likeness_narrow_notch_is_out_of_reach_and_l_shape_has_none():
     result = likeness(job_of(notched(6.0)))
     assert result.kind == reasons.REACH
     assert likeness(job_of(l_shape().tolist())) is None
 
 
-def test_without_a_plan_the_part_is_blamed_before_the_search_and_a_cut_search_before_the_reach():
-    cut, bent = NoPlanError("x: no leaf comes within 3.0 mm"), job_of(l_shape().tolist())
-    assert no_plan(bent, cut).kind == reasons.ALIKE
-    assert no_plan(job_of(notched(6.0)), cut).kind == reasons.REACH
-    cut.cut_short = True
-    assert no_plan(bent, cut).kind == reasons.TIME
-    assert no_plan(job_of(notched(6.0)), cut).kind == reasons.TIME
-    assert no_plan(job_of(notched(0.1)), cut).kind == reasons.BELOW
-    start = NoPlanError("x: no first squeeze is free of collision")
-    assert no_plan(bent, start).kind == reasons.NO_START
+BENT, NOTCHED, SHALLOW = job_of(l_shape().tolist()), job_of(notched(6.0)), job_of(notched(0.1))
+NO_LEAF, NO_START = "x: no leaf comes within 3.0 mm", "x: no first squeeze is free of collision"
 
 
-def test_the_first_cause_that_applies_is_reported():
-    bent = job_of(l_shape().tolist())
-    assert reason(bent, advice(unresolved=0.5), cut=True).kind == reasons.TIME
-    assert reason(bent, advice(unresolved=0.5, at_depth_limit=0.4), cut=False).kind == reasons.DEPTH
-    assert reason(bent, advice(rejected=0.3), cut=True).kind == reasons.REJECTED
-    assert reason(bent, advice(rejected=0.3, pinched=0.3), cut=True).kind == reasons.THIN
-    assert reason(bent, advice(rejected=0.3, pinched=0.1), cut=True).kind == reasons.REJECTED
-    assert reason(bent, advice(), cut=False).kind == reasons.SCATTER
-    assert math.isfinite(nearest_turn(bent.part.outline_mm, 1).apart_mm)
+@pytest.mark.parametrize(
+    ("job", "message", "cut", "kind"),
+    [
+        (BENT, NO_LEAF, False, reasons.ALIKE),
+        (NOTCHED, NO_LEAF, False, reasons.REACH),
+        (BENT, NO_LEAF, True, reasons.TIME),
+        (NOTCHED, NO_LEAF, True, reasons.TIME),  # a hull is no proof where the search was cut short
+        (SHALLOW, NO_LEAF, True, reasons.BELOW),
+        (BENT, NO_START, False, reasons.NO_START),
+    ],
+    ids=["L", "notch", "L cut", "notch cut", "shallow notch cut", "L without a start"],
+)
+def test_no_plan_returns_likeness_before_the_search_as_its_reason(job, message, cut, kind):
+    error = NoPlanError(message)
+    error.cut_short = cut
+    assert no_plan(job, error).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("values", "cut", "kind"),
+    [
+        ({"unresolved": 0.5}, True, reasons.TIME),
+        ({"unresolved": 0.5, "at_depth_limit": 0.4}, False, reasons.DEPTH),
+        ({"rejected": 0.3}, True, reasons.REJECTED),
+        ({"rejected": 0.3, "pinched": 0.3}, True, reasons.THIN),
+        ({"rejected": 0.3, "pinched": 0.1}, True, reasons.REJECTED),
+        ({}, False, reasons.SCATTER),
+    ],
+)
+def test_reason_returns_the_first_cause_that_applies(values, cut, kind):
+    assert reason(BENT, advice(**values), cut).kind == kind

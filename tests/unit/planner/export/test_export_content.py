@@ -1,4 +1,4 @@
-"""What an export says follows a reading is what a run of the default policy does, reading by reading."""
+"""The vectors and runs of an export, compared with a run of the default policy for each reading."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ TABLES |= {"forty": random_table(5, 40), "wide": wide_table()}
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_every_vector_is_what_a_run_does(name):
+def test_vectors_equal_the_answers_of_a_run_and_cover_all_ends(name):
     table, result = TABLES[name], list(vectors(TABLES[name]))
     oracle = Oracle(table)
     assert len({row[:3] for row in result}) == len(result)
@@ -30,12 +30,12 @@ def test_every_vector_is_what_a_run_does(name):
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_runs_are_the_decision_map_and_do_not_overlap(name):
+def test_runs_of_decision_map_equal_it_without_overlap(name):
     for decided in maps_of(TABLES[name]):
         runs = runs_of(decided)
         for flag in (FELT, NOT_FELT):
-            mine = [run for run in runs if run.object_flag == flag]
-            assert all(one.last_um < other.first_um for one, other in pairwise(mine))
+            flagged = [run for run in runs if run.object_flag == flag]
+            assert all(one.last_um < other.first_um for one, other in pairwise(flagged))
             for width in range(0, 90_000, 97):
-                read = [run.branch for run in mine if run.first_um <= width <= run.last_um]
+                read = [run.branch for run in flagged if run.first_um <= width <= run.last_um]
                 assert decide(decided, width, flag == FELT) == (read or [REJECT])[0]

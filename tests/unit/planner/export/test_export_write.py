@@ -1,4 +1,4 @@
-"""The files of an export: whole or not at all, never over others, JSON as its schema says."""
+"""The files of an export: written whole or not at all, never over other files; JSON follows its schema."""
 
 import json
 import re
@@ -23,7 +23,7 @@ def tree(tmp_path):
 
 
 def json_form(table, folder):
-    """The JSON form of a table, checked by the schema beside it."""
+    """Writes a table as JSON; returns its content, checked by the schema beside it, and the validator."""
     writer.write(TableFile(table, b"", "0" * 64), "json", folder)
     record = json.loads((folder / "squeezetree_table.json").read_text())
     schema = json.loads((folder / "squeezetree_table.schema.json").read_text())
@@ -33,7 +33,7 @@ def json_form(table, folder):
     return record, validator
 
 
-def test_json_holds_the_whole_table(tmp_path):
+def test_write_json_holds_the_whole_table(tmp_path):
     table = every_field_table()
     result, validator = json_form(table, tmp_path)
     for index, (node, written) in enumerate(zip(table.nodes, result["nodes"], strict=True)):
@@ -52,21 +52,21 @@ def test_json_holds_the_whole_table(tmp_path):
         validator.validate(result)
 
 
-def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
+@pytest.mark.parametrize("form", ["c99", "st"])
+def test_write_hostile_texts_cannot_end_a_comment(form, tmp_path):
     hostile = "*/ int a; /* (* *) ??/\n\\ \u00e9"
     gripper = replace(small_table().gripper, model=hostile)
     table = replace(small_table(), tool=hostile, gripper=gripper)
-    for form in ("c99", "st"):
-        writer.write(TableFile(table, b"", "0" * 64), form, tmp_path / form)
-        text = (tmp_path / form / FORMS[form][0]).read_text()
-        assert "int a" in text
-        assert "*/ int a" not in text
-        assert "??" not in text
-        assert "\\" not in text
-        assert text.count("(*") == text.count("*)")
+    writer.write(TableFile(table, b"", "0" * 64), form, tmp_path)
+    text = (tmp_path / FORMS[form][0]).read_text()
+    assert "int a" in text
+    assert "*/ int a" not in text
+    assert "??" not in text
+    assert "\\" not in text
+    assert text.count("(*") == text.count("*)")
 
 
-def test_wrong_input_is_reported_in_one_line(tree, tmp_path):
+def test_export_wrong_input_is_refused_in_one_line(tree, tmp_path):
     full = tmp_path / "full"
     full.mkdir()
     (full / VECTORS).write_text("mine\n")
@@ -89,14 +89,14 @@ def test_wrong_input_is_reported_in_one_line(tree, tmp_path):
 @pytest.mark.parametrize(
     "prefix", ["", "Left", "2left", "left-hand", "left__hand", "_left", "left_", "x" * 25, "é"]
 )
-def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path):
+def test_export_invalid_prefix_is_refused(prefix, tree, tmp_path):
     ended = called(export.main, tree, "--to", "c99", "-o", tmp_path / "o", "--prefix", prefix)
     assert ended.code == 2
     assert ended.err.startswith("plan-export: --prefix")
     assert not (tmp_path / "o").exists()
 
 
-def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
+def test_export_prefix_begins_all_names_and_is_refused_for_json(tree, tmp_path, capsys):
     for form in ("c99", "st"):
         out = tmp_path / form
         assert export.main([str(tree), "--to", form, "-o", str(out), "--prefix", "left_hand"]) == 0
@@ -109,7 +109,7 @@ def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_files_and_words(form, tree, tmp_path):
+def test_export_writes_the_listed_files_the_same_each_time(form, tree, tmp_path):
     out = tmp_path / "made" / form
     record = document(export.main, tree, "--to", form, "-o", out, "--json")
     assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]

@@ -1,4 +1,4 @@
-"""Several parts in one job: how they are stated, what is the same for one, and parts turned over."""
+"""Jobs with several parts: hypotheses, foreign parts, and parts that are turned over."""
 
 import json
 import tomllib
@@ -27,7 +27,7 @@ COUPLED = {
 
 
 def several(**more):
-    """The document of a job with three parts, and changes to its top level."""
+    """The document of a job with three parts, with changes to its top level."""
     names = ("hex-nut", "spacer", "oval-cover")
     documents = [tomllib.loads((TREES / name / "job.toml").read_text()) for name in names]
     common = {key: value for key, value in documents[0].items() if key != "part"}
@@ -38,7 +38,7 @@ def read(document):
     return job_file.of_document(document, "the job", drawn=True)
 
 
-def test_several_parts_come_back_from_their_exact_text():
+def test_from_canonical_several_parts_restores_the_job():
     job = read(several())
     assert job_file.from_canonical(job.canonical()) == job
     assert [alone.part.symmetry for alone in job.alone] == [6, 2, 2]
@@ -50,6 +50,7 @@ def test_several_parts_come_back_from_their_exact_text():
 
 
 def broken(number=1, **entry):
+    """The document of a job with three parts, with changes to the hypothesis of a number."""
     document = several()
     document["hypothesis"][number - 1] |= entry
     return document
@@ -73,12 +74,12 @@ def broken(number=1, **entry):
         (several(**{FOREIGN: [{"part": {"name": "x"}}]}), r"\[stranger 1.part\]: missing key"),
     ],
 )
-def test_what_is_wrong_is_reported_with_its_place(document, message):
+def test_of_document_invalid_hypotheses_are_refused_with_their_place(document, message):
     with pytest.raises(InputError, match=message):
         read(document)
 
 
-def test_foreign_parts_are_parts_that_no_plan_is_made_for():
+def test_of_document_foreign_part_is_kept_apart_from_hypotheses():
     one = several()["hypothesis"][1]
     job = read(several() | {FOREIGN: [{**one, "pressure": {"kind": "uniform"}}]})
     assert job_file.from_canonical(job.canonical()) == job
@@ -88,7 +89,7 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     assert len(job.alone) == 3
 
 
-def test_what_the_drawing_names_turns_over_with_the_part():
+def test_load_either_face_mirrors_datum_and_picks():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})
     entries = json.loads(either.canonical())["hypothesis"]
@@ -99,7 +100,7 @@ def test_what_the_drawing_names_turns_over_with_the_part():
 
 
 @pytest.mark.parametrize("pressure", [{}, CORNERS, COUPLED], ids=["boundary", "points", "stated"])
-def test_a_part_turned_over_is_squeezed_as_in_a_mirror(pressure):
+def test_roll_out_part_turned_over_is_the_mirror_image(pressure):
     changes = {"part": {"faces": "either"}, "pressure": pressure}
     one, other = job_file.load(TREES / "gusset" / "job.toml", changes).alone
     assert not symmetry.congruent(one.part.outline_mm, other.part.outline_mm)
@@ -110,5 +111,5 @@ def test_a_part_turned_over_is_squeezed_as_in_a_mirror(pressure):
         simulator = Simulator.of_job(job, workers=1)
         ends.append(simulator.roll_out(start, simulator.nominal(len(start), 0.5)))
     near = np.isclose(ends[0].width_mm, ends[1].width_mm, atol=0.05)
-    assert near.mean() > 0.9  # unstable equilibria fall either way
+    assert near.mean() > 0.9  # rounding decides which way an unstable equilibrium falls
     np.testing.assert_allclose(ends[1].poses[near], ends[0].poses[near] * mirror, atol=0.1)

@@ -1,4 +1,4 @@
-"""The job file: what it becomes, its exact text, and files that cannot be read."""
+"""Jobs: from a file, to canonical text and back, and files that cannot be read."""
 
 import hashlib
 import json
@@ -31,7 +31,7 @@ def test_canonical_text_round_trips_exactly(rectangle):
     assert rectangle.digest() == hashlib.sha256(text.encode()).digest()
 
 
-def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
+def test_digest_does_not_depend_on_how_the_job_is_written(rectangle):
     without_defaults = re.sub(
         r"(?m)^(symmetry|wishart_dof|model|opening_mm|noise_mm|speed\w+|force\w+) .*\n", "", TEXT
     )
@@ -45,18 +45,18 @@ def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES.keys())
-def test_a_job_that_states_only_the_model_closes_as_that_gripper_can(profile):
+def test_parse_gripper_model_alone_gets_speed_and_force_in_its_range(profile):
     text = re.sub(r"(?m)^(model|opening_mm|noise_mm|speed\w+|force\w+) .*\n", "", TEXT)
     text = text.replace("[gripper]", f'[gripper]\nmodel = "{profile.model}"')
     gripper = job.parse(text).gripper
     (slowest, fastest), (least_n, most_n) = profile.speed_mm_s, profile.force_n
     assert slowest <= gripper.speed_mm_s <= fastest
     assert least_n <= gripper.force_n <= most_n
-    if profile.grip_mm_s is not None:  # or the forecast of seconds is wrong
+    if profile.grip_mm_s is not None:  # the speed of a grip, proportional to the force
         assert gripper.speed_mm_s <= profile.grip_mm_s * gripper.force_n / most_n
 
 
-def test_gripper_whose_force_sets_its_speed_closes_no_faster_than_the_stated_force_allows():
+def test_parse_schunk_egk_force_limits_the_closing_speed():
     stated = TEXT.replace('"robotiq-2f-85"', '"schunk-egk"').replace("opening_mm = 85.0", "")
     slow = job.parse(stated.replace("speed_mm_s = 60.0", "").replace("40.0", "25.0", 1))
     assert (slow.gripper.force_n, slow.gripper.speed_mm_s) == (25.0, 10.0)
@@ -64,12 +64,12 @@ def test_gripper_whose_force_sets_its_speed_closes_no_faster_than_the_stated_for
         job.parse(stated)
 
 
-def test_the_job_of_a_very_coarse_gripper_can_be_read_back_from_its_table():
+def test_from_canonical_very_coarse_gripper_restores_the_job():
     coarse = job.parse(edited("noise_mm = 0.15", "noise_mm = 10\nresolution_mm = 9"))
     assert job.from_canonical(coarse.canonical()) == coarse
 
 
-def test_broken_toml_gives_line_and_column():
+def test_parse_broken_toml_gives_line_and_column():
     with pytest.raises(InputError, match=r"my.toml: .* line 2, column 8"):
         job.parse("seed = 1\nname = = 2\n", "my.toml")
     with pytest.raises(InputError, match="line 3, column"):
@@ -79,7 +79,7 @@ def test_broken_toml_gives_line_and_column():
             job.parse(text)
 
 
-def test_unreadable_files_are_named(tmp_path):
+def test_load_unreadable_file_is_refused_and_named(tmp_path):
     latin = tmp_path / "latin.toml"
     latin.write_bytes("name = 'Würfel'".encode("latin-1"))
     for path, reason in (
@@ -95,17 +95,17 @@ def test_unreadable_files_are_named(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "[" * 100_000])
-def test_canonical_text_that_is_not_a_json_object_is_refused(text):
+def test_from_canonical_not_a_json_object_is_refused(text):
     with pytest.raises(InputError, match="compile the job again"):
         job.from_canonical(text)
 
 
-MOST_KEYS = 66  # besides those that go with one kind of pressure
+MOST_KEYS = 66  # without the keys that go with one kind of pressure
 WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
 DELIVERY = "[delivery]\ndrop = [50, 0, 180]\n"
 
 
-def test_the_runtime_reads_the_delivery_that_a_job_states():
+def test_delivery_from_job_reads_what_the_job_states():
     result = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
     assert job.from_canonical(result.canonical()) == result
     keys = {"drop": [50, 0, 180]} | WIDTH_AND_AREA
@@ -114,7 +114,7 @@ def test_the_runtime_reads_the_delivery_that_a_job_states():
     assert delivery.from_job(shorter) == delivery.from_text("50,0,180")
 
 
-def test_job_and_runtime_know_the_same_keys_of_a_delivery():
+def test_delivery_fields_equal_the_keys_of_the_runtime():
     assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS}
     for key, count in delivery.NUMBERS.items():
         field = schema.FIELDS["delivery"][key]
@@ -136,13 +136,13 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
         ("delivery = 3", "must be a section"),
     ],
 )
-def test_a_delivery_that_cannot_be_is_refused(text, message):
+def test_parse_invalid_delivery_is_refused(text, message):
     with pytest.raises(InputError, match=message) as raised:
         job.parse(f"{text}\n{TEXT}" if text.startswith("delivery") else f"{TEXT}\n{text}\n")
     assert "\n" not in str(raised.value)
 
 
-def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
+def test_parse_datum_and_picks_move_with_the_outline():
     stated = "datum = [1.0, 2.0, 30.0]\npicks = {rim = [5, 0, 90]}\noutline_mm = ["
     result = job.parse(TEXT.replace("outline_mm = [", stated, 1))
     shift = result.part.outline_mm[0] - np.array(tomllib.loads(TEXT)["part"]["outline_mm"][0])
@@ -154,6 +154,6 @@ def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
         job.parse(TEXT.replace("outline_mm = [", stated.partition("\n")[2], 1))
 
 
-def test_keys_that_a_job_may_state_stay_few():
-    """One sensible value is a constant near its use; a key is what parts, cells or questions differ in."""
+def test_schema_fields_stay_few():
+    """A value that is the same for all parts, cells and questions is a constant near its use, not a key."""
     assert sum(len(fields) for fields in schema.FIELDS.values()) <= MOST_KEYS

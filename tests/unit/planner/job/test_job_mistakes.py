@@ -1,4 +1,4 @@
-"""Mistakes in a job file: each is named with its place and a way out."""
+"""Mistakes in a job file: the error states the place and the remedy."""
 
 import re
 
@@ -27,7 +27,7 @@ UNKNOWN = [
 
 
 @pytest.mark.parametrize(("old", "new", "section", "advice"), UNKNOWN)
-def test_an_unknown_name_is_refused_with_the_nearest_valid_one(old, new, section, advice):
+def test_parse_unknown_name_is_refused_with_the_valid_one(old, new, section, advice):
     with pytest.raises(KeyNameError) as caught:
         job.parse(TEXT.replace(old, new, 1), "my.toml")
     message = str(caught.value)
@@ -41,7 +41,7 @@ def test_an_unknown_name_is_refused_with_the_nearest_valid_one(old, new, section
     ("section", "key", "instead"),
     [(section, key, text) for section, keys in schema.FORMER.items() for key, text in keys.items()],
 )
-def test_a_former_key_is_refused_with_what_to_write_instead(section, key, instead):
+def test_parse_former_key_is_refused_with_its_replacement(section, key, instead):
     heads = {"actions": "[actions]", "doubt": "[doubt]"}
     text = TEXT if heads[section] in TEXT else f"{TEXT}\n{heads[section]}\n"
     with pytest.raises(KeyNameError, match=rf"\[{section}\]: key '{key}' is") as caught:
@@ -58,14 +58,14 @@ REQUIRED = [
 
 
 @pytest.mark.parametrize(("section", "key"), [*REQUIRED, ("uncertainty", "orientation")])
-def test_a_missing_key_is_named(section, key):
+def test_parse_missing_key_is_refused_and_named(section, key):
     text = re.sub(rf"(?m)^{key} = .*\n", "", TEXT)
     assert text != TEXT
     with pytest.raises(KeyNameError, match=rf"my.toml: \[{section}\].*missing key {key};"):
         job.parse(text, "my.toml")
 
 
-def test_all_missing_sections_are_named_at_once():
+def test_parse_missing_sections_are_all_named():
     missing = "friction, gripper, uncertainty, actions, goal"
     with pytest.raises(KeyNameError, match=f"missing sections {missing}; add them"):
         job.parse("[part]\n")
@@ -110,7 +110,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("old", "new", "section", "key"), WRONG)
-def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
+def test_parse_wrong_value_is_refused_at_its_place(old, new, section, key):
     with pytest.raises(InputError) as caught:
         job.parse(TEXT.replace(old, new, 1), "my.toml")
     error = caught.value
@@ -121,13 +121,13 @@ def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
     assert len(str(error)) < 250
 
 
-def test_a_value_in_place_of_a_section_is_refused():
+def test_parse_value_in_place_of_a_section_is_refused():
     for text in ("goal = 3\n" + TEXT.partition("[goal]")[0], edited("[goal]", "[[goal]]")):
         with pytest.raises(InputError, match=r"\[goal\]: must be a section"):
             job.parse(text)
 
 
-def test_only_the_narrowest_width_must_fit_between_the_jaws():
+def test_parse_part_is_refused_only_if_no_width_fits_the_jaws():
     bar = edited(
         "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]"
     )

@@ -1,4 +1,4 @@
-"""Values of a job replaced on the command line: the same checks and words as for the file itself."""
+"""Values of a job that the command line replaces: the same checks and messages as for the file."""
 
 import pytest
 from hypothesis import given, settings
@@ -11,8 +11,6 @@ from planner.job.overrides import changes_of, split, value_of
 from runtime.shell.errors import InputError, UsageError
 
 PARSED = job.parse(TEXT)
-
-
 RADIUS = {"uncertainty.radius_mm": "15", "seed": "4"}
 
 
@@ -53,14 +51,14 @@ def test_overrides_that_a_file_may_not_state_are_refused(change, error, words):
     assert "\n" not in str(caught.value)
 
 
-def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part_of_one():
+def test_changes_of_repeated_key_keeps_the_last_value():
     texts = ["a.b=1", "a.c=2", "a.b=3", 'c.d="x=y"', "seed = 4"]
     assert changes_of(texts) == {"a": {"c": 2, "b": 3}, "c": {"d": "x=y"}, "seed": 4}
     assert list(changes_of(texts)["a"]) == ["c", "b"]  # they are applied in this order
 
 
 @pytest.mark.parametrize("texts", [["seed"], ["seed=1", "seed.x=2"], ["=1"]])
-def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts):
+def test_changes_of_malformed_override_is_refused(texts):
     with pytest.raises(UsageError, match="write it as"):
         changes_of(texts)
 
@@ -77,12 +75,12 @@ def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts
         (" 3 ", 3),
     ],
 )
-def test_values_read_as_in_a_file_and_words_go_without_quotes(text, value):
+def test_value_of_toml_or_unquoted_word_returns_its_value(text, value):
     assert value_of("a.b", text) == value
 
 
 @pytest.mark.parametrize("text", ["", "1\nother = 2", "[1, 2", "a b", "1,2", "# nothing", "\x00"])
-def test_what_is_no_value_is_refused(text):
+def test_value_of_invalid_text_is_refused(text):
     with pytest.raises(UsageError) as caught:
         value_of("goal.distance_mm", text)
     assert str(caught.value).startswith("goal.distance_mm: ")
@@ -90,20 +88,20 @@ def test_what_is_no_value_is_refused(text):
 
 
 @pytest.mark.parametrize("name", ["", ".", "a.", ".b", "a.b.c", "a b", "a\nb"])
-def test_what_is_no_name_is_refused(name):
+def test_value_of_invalid_name_is_refused(name):
     with pytest.raises(UsageError, match="is not a key of a job"):
         value_of(name, "1")
 
 
 @pytest.mark.parametrize("text", ["", "a.b", "=1", "a.b=", "a.b=1,,2", "a.b=1,"])
-def test_a_sweep_without_values_is_refused(text):
+def test_split_malformed_sweep_is_refused(text):
     with pytest.raises(UsageError, match="write it as"):
         split(text)
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.text(max_size=60))
-def test_any_text_reads_or_is_refused_in_one_line(text):
+def test_split_and_value_of_any_text_return_or_refuse_in_one_line(text):
     for read in (split, lambda text: value_of("a.b", text)):
         try:
             read(text)

@@ -1,4 +1,4 @@
-"""Limit surfaces as files, and in jobs in place of a pressure."""
+"""Identified limit surfaces, in files and in jobs."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def surfaces(tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", ["ellipsoid", "quartic"])
-def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
+def test_parse_surface_file_equals_the_inline_surface(surfaces, kind):
     taken = job_with(f'surface_file = "{kind}.toml"', str(surfaces / "job.toml"))
     values = surface_file.load(surfaces / f"{kind}.toml")
     pressure = taken.pressure
@@ -55,7 +55,6 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
 
 
 ROWS = f"ellipsoid = {A.tolist()}"
-
 STATED = "rho_mm = 5\n"
 QUARTIC = f"{STATED}quartic = {[1] * 15}"
 SURFACE_MISTAKES = {
@@ -75,7 +74,7 @@ SURFACE_MISTAKES = {
 
 
 @pytest.mark.parametrize("name", SURFACE_MISTAKES)
-def test_a_spoiled_surface_in_a_job_is_refused_in_one_line(name, tmp_path):
+def test_parse_wrong_surface_is_refused_in_one_line(name, tmp_path):
     pressure, error, problem = SURFACE_MISTAKES[name]
     with pytest.raises(error) as caught:
         job_with(pressure, str(tmp_path / "job.toml"))
@@ -83,7 +82,7 @@ def test_a_spoiled_surface_in_a_job_is_refused_in_one_line(name, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_certificate_that_does_not_fit_is_refused(surfaces):
+def test_parse_certificate_that_does_not_fit_is_refused(surfaces):
     values = surface_file.load(surfaces / "quartic.toml")
     Q, coefficients = values["certificate"], values["quartic"]
     for bad_q, bad_c in (
@@ -106,7 +105,7 @@ def test_a_certificate_that_does_not_fit_is_refused(surfaces):
         ("rho_mm = 10.0", "rho_mm = -1", InputError),
     ],
 )
-def test_a_spoiled_surface_file_is_refused_and_named(surfaces, tmp_path, old, new, error):
+def test_parse_damaged_surface_file_is_refused_and_named(surfaces, tmp_path, old, new, error):
     text = (surfaces / "ellipsoid.toml").read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "spoiled.toml"

@@ -1,4 +1,4 @@
-"""The outline against closed forms, its invariants under rigid motion, and what it refuses."""
+"""Measures of an outline, compared with closed forms, and polygons that are refused."""
 
 import math
 import re
@@ -30,7 +30,7 @@ def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
         assert not result.outline_mm.flags.writeable
 
 
-def test_area_and_centroid_of_an_l_are_those_of_its_two_boxes():
+def test_area_and_centroid_of_an_l_equal_those_of_its_two_boxes():
     area = 32 * 12 + 12 * 14
     centroid = (np.array([16, 6]) * 32 * 12 + np.array([6, 19]) * 12 * 14) / area
     assert outline.area(L_SHAPE) == area
@@ -50,7 +50,7 @@ def test_radius_of_gyration_matches_closed_forms_and_the_published_value():
 
 def test_min_width_is_the_least_of_all_widths():
     assert outline.min_width(RECTANGLE) == pytest.approx(21.0)
-    # The least height of a triangle stands on its longest side.
+    # The least height of a triangle is that on its longest side.
     assert outline.min_width(TRIANGLE) == pytest.approx(36 * 26 / math.hypot(36, 26))
     for points in (L_SHAPE, TRIANGLE, RECTANGLE):
         widths = [outline.width(points, angle) for angle in np.linspace(0, math.pi, 3601)]
@@ -76,20 +76,20 @@ def test_min_width_is_the_least_of_all_widths():
         ([[0, 0], [1, 0], [1, 0], [1, 1]], "vertices 2 and 3 are the same point (1, 0); drop one"),
     ],
 )
-def test_refuses_what_is_not_a_simple_polygon(points, words):
+def test_canonical_not_a_simple_polygon_is_refused(points, words):
     with refused_in_a_line(InputError, re.escape(words)):
         outline.canonical(points)
 
 
 @pytest.mark.parametrize("degrees", [0, 12, 45, 89, 90, -30])
-def test_a_turned_rectangle_is_found(degrees):
+def test_smallest_rectangle_turned_box_returns_its_size_and_turn(degrees):
     result = smallest_rectangle(turned([(0, 0), (42, 0), (42, 26), (0, 26)], math.radians(degrees)))
     assert (result.length_mm, result.width_mm) == pytest.approx((42.0, 26.0))
     assert (result.turn_deg - degrees + 90.0) % 180.0 == pytest.approx(90.0, abs=1e-6)
     assert ("turned" in result.text()) is (degrees % 90 != 0)
 
 
-def test_no_other_angle_gives_less_area():
+def test_smallest_rectangle_has_the_least_area_of_all_angles():
     rng = np.random.default_rng(3)
     points = rng.normal(size=(12, 2)) * (20.0, 9.0)
     result = smallest_rectangle(points)

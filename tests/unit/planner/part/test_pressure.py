@@ -1,4 +1,4 @@
-"""Quadrature of the pressure: exact moments, against closed forms."""
+"""Quadrature of the pressure, compared with the moments in closed form; supports on three corners."""
 
 import math
 from itertools import combinations
@@ -29,7 +29,7 @@ def part(request):
     return outline.canonical(SHAPES[request.param]).outline_mm
 
 
-def test_uniform_pressure_has_the_moments_of_the_area(part):
+def test_support_uniform_has_the_moments_of_the_area(part):
     points, weights = support(Pressure("uniform", 100), part)
     size = diameter(part)
     assert np.abs(weights @ points).max() < 1e-13 * size
@@ -38,7 +38,7 @@ def test_uniform_pressure_has_the_moments_of_the_area(part):
     )
 
 
-def test_boundary_pressure_has_the_moments_of_the_edges(part):
+def test_support_boundary_has_the_moments_of_the_edges(part):
     points, weights = support(Pressure("boundary", 100), part)
     ends = np.roll(part, -1, axis=0)
     lengths = np.hypot(*(ends - part).T)
@@ -49,8 +49,8 @@ def test_boundary_pressure_has_the_moments_of_the_edges(part):
     assert np.allclose(second_moments(points, weights), expected, rtol=1e-12, atol=1e-10)
 
 
-def test_a_part_stands_on_three_corners_that_carry_its_weight(part):
-    """The loads on three feet follow from statics; none may pull."""
+def test_stances_are_all_corner_triples_that_carry_the_weight(part):
+    """Statics gives the loads on three feet; none may be negative."""
     feet = stances(part)
     loads = [np.linalg.solve(np.vstack([corners.T, np.ones(3)]), [0, 0, 1]) for corners in feet]
     assert len(feet)

@@ -1,4 +1,4 @@
-"""Rotational order of outlines whose symmetry is known."""
+"""The rotational order of outlines whose symmetry is known."""
 
 import math
 
@@ -34,7 +34,7 @@ KNOWN = {
 
 @pytest.mark.parametrize(("points", "expected"), KNOWN.values(), ids=KNOWN)
 @pytest.mark.parametrize("angle", [0.0, 0.5])
-def test_order_of_known_shapes_at_any_angle(points, expected, angle):
+def test_order_known_shape_at_any_angle_equals_its_symmetry(points, expected, angle):
     part = outline.canonical(place(points, [4.0, -1.0, angle])).outline_mm
     assert symmetry.order(part) == expected
     for n in range(1, expected + 1):
@@ -42,15 +42,15 @@ def test_order_of_known_shapes_at_any_angle(points, expected, angle):
             assert symmetry.has_order(part, n)
 
 
-def test_tolerance_decides_how_square_a_square_must_be():
+def test_order_nearly_square_depends_on_the_tolerance():
     for excess, expected in ((0.01, 4), (0.1, 2)):
         part = rectangle() * [1.0, (30 + excess) / 21]
         assert symmetry.order(part) == expected
         assert symmetry.order(part, tolerance_mm=0.2) == 4
 
 
-def test_a_curve_that_was_simplified_keeps_its_symmetry():
-    """Each round end of a key keeps vertices of its own."""
+def test_order_simplified_curve_keeps_its_symmetry():
+    """The two round ends of a key keep different vertices."""
     key = shapely.LineString([[-9.0, 0.0], [9.0, 0.0]]).buffer(3.0, quad_segs=16)
     drawn = outline.canonical(shapely.get_coordinates(key.exterior)[:-1]).outline_mm
     part = outline.canonical(outline.simplified(drawn, 0.05)).outline_mm
@@ -60,7 +60,7 @@ def test_a_curve_that_was_simplified_keeps_its_symmetry():
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_has_order_of_few_vertices_first_is_that_of_all_turns_of_all_vertices(name):
+def test_has_order_equals_the_check_of_all_turns_and_vertices(name):
     part = outline.canonical(np.asarray(KNOWN[name][0])).outline_mm
     boundary = shapely.LinearRing(part)
 
@@ -72,7 +72,7 @@ def test_has_order_of_few_vertices_first_is_that_of_all_turns_of_all_vertices(na
         assert symmetry.has_order(part, n) == whole(n)
 
 
-def test_order_of_a_disc_of_many_vertices_is_what_a_table_can_state():
+def test_order_disc_of_many_vertices_is_most_order():
     disc = regular_polygon(2000, 20.0)
     assert symmetry.order(disc) == symmetry.MOST_ORDER
     assert symmetry.order(disc * [1.0, 0.6]) == 2

@@ -1,4 +1,4 @@
-"""The pictures of the documentation: they show what is kept, no text covers another, files are small."""
+"""The pictures of the documentation show the results that are kept."""
 
 import json
 import re
@@ -15,7 +15,7 @@ from planner.report.replay import replay
 pytestmark = pytest.mark.slow
 
 
-def test_the_moving_picture_shows_a_part_that_the_table_locates(table, job):
+def test_picture_animates_a_part_that_the_table_locates(table, job):
     drawn = ElementTree.fromstring(movie.picture(table, job, replay(table, job, 2000, 0)))
     moves = [part for part in drawn.iter() if part.tag.endswith(("animate", "animateTransform"))]
     assert len({move.get("dur") for move in moves}) == 1
@@ -29,7 +29,7 @@ def test_the_moving_picture_shows_a_part_that_the_table_locates(table, job):
     assert float(re.search(r"off by (\S+) mm", message)[1]) < job.goal.distance_mm
 
 
-def test_pushes_are_drawn_as_they_are_kept():
+def test_calibration_and_worst_pushes_draw_the_kept_results():
     kept = json.loads((RESULTS / "contact.json").read_text())
     nine_tenths = kept["nominal"].index(0.9)
     for axes, name in zip(charts.calibration(kept).axes, ("x", "y", "turn"), strict=True):
@@ -39,6 +39,6 @@ def test_pushes_are_drawn_as_they_are_kept():
     for axes, row in zip(charts.worst_pushes(kept).axes, kept["worst"], strict=True):
         start, measured, predicted, _ = (line.get_xydata()[:-1] for line in axes.lines)
         assert start == pytest.approx(np.array(row["outline_mm"]))
-        off_mm = np.hypot(*(measured - predicted).T)  # of corners, about the error of the middle
+        off_mm = np.hypot(*(measured - predicted).T)  # of the corners, which surround the centroid
         assert off_mm.min() < row["mm"] < off_mm.max()
         assert f"{row['mm']:.0f} mm" in axes.get_title()

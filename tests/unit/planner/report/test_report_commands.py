@@ -1,4 +1,4 @@
-"""plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
+"""plan-simulate: poses in degrees, options of its pictures, and what importing the commands loads."""
 
 import csv
 import math
@@ -27,7 +27,7 @@ def run(poses: Path, *options: str) -> Ended:
     return called(simulate.main, JOB_PATH, "--poses", poses, "-o", output, *options)
 
 
-def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
+def test_simulate_poses_in_degrees_end_as_those_in_radians(poses: Path) -> None:
     output = poses.parent / "out.csv"
     assert run(poses, "--nominal", "--mu", "0.5").code == 0
     radians = list(csv.DictReader(output.read_text().splitlines()))
@@ -44,7 +44,7 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
             assert float(row[name]) == pytest.approx(float(same[name]), abs=1e-4)
 
 
-def test_poses_that_state_two_angles_are_refused(poses: Path) -> None:
+def test_simulate_poses_with_two_unequal_angles_are_refused(poses: Path) -> None:
     poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
     ended = run(poses)
     assert (ended.code, ended.one_line) == (3, True)
@@ -55,14 +55,16 @@ def test_poses_that_state_two_angles_are_refused(poses: Path) -> None:
     "options",
     [("--figure", "s.jpg"), ("--html", "s"), ("--figure", "nowhere/s.png"), ("--html", ".")],
 )
-def test_wrong_name_is_one_line_before_any_work(poses: Path, options: tuple[str, str]) -> None:
+def test_simulate_wrong_picture_name_is_refused_before_any_work(
+    poses: Path, options: tuple[str, str]
+) -> None:
     ended = run(poses, *options)
     assert (ended.code, ended.one_line) == (2, True)
     assert options[1] in ended.err
     assert not (poses.parent / "out.csv").exists()
 
 
-def test_commands_load_what_takes_seconds_only_to_use_it() -> None:
+def test_commands_when_imported_load_no_slow_library() -> None:
     script = (
         "import sys, planner.cli.simulate, planner.cli.compile, planner.cli.evaluate; "
         "sys.exit(not {'matplotlib', 'sklearn', 'scipy.stats'}.isdisjoint(sys.modules))"

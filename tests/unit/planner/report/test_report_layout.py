@@ -1,4 +1,4 @@
-"""The tidy tree: nothing overlaps, parents stand over their children, branches keep their order."""
+"""The layout of a tree: nothing overlaps, parents are above their children, branches keep their order."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ def children(table: Table, layout: Layout, index: int) -> list[Spot]:
     return [layout.spots[target] for target in targets]
 
 
-def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
+def test_tidy_panels_of_a_row_keep_their_distance(table: Table) -> None:
     layout = tidy(table, SIZES)
     assert len(layout.spots) == len(table.nodes) + len(table.leaves)
     for depth in range(layout.rows):
@@ -33,7 +33,7 @@ def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
         assert all(right - left >= least for left, right in pairwise(row))
 
 
-def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) -> None:
+def test_tidy_parents_stand_over_the_middle_of_their_children(table: Table) -> None:
     layout = tidy(table, SIZES)
     for index in range(len(table.nodes)):
         spot = layout.spots[index]

@@ -1,4 +1,4 @@
-"""The page of a table: whole, self-contained, the same each time, and true to the table."""
+"""The page of a table: well-formed, self-contained, and true to the table and its journal."""
 
 import json
 import re
@@ -34,13 +34,13 @@ def page(text):
     return Page(text)
 
 
-def test_every_tag_is_closed_and_every_id_is_used_once(page):
+def test_page_closes_all_tags_and_uses_each_id_once(page):
     assert page.open == []
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
 
 
-def test_nothing_comes_from_elsewhere(page, text):
+def test_page_loads_nothing_from_elsewhere(page, text):
     for _, attributes in page.elements:
         for name in ("src", "href", "xlink:href", "action", "srcset"):
             assert attributes.get(name, "#").startswith(("#", "data:,"))
@@ -48,7 +48,7 @@ def test_nothing_comes_from_elsewhere(page, text):
     assert "default-src 'none'" in text
 
 
-def test_parts_are_neither_lost_nor_added():
+def test_tree_of_places_conserves_the_parts():
     beliefs = replay(TABLE, JOB, TRIALS, 0)
     places = {place.panel.key: place for place in tree_of(TABLE, JOB, beliefs, None).places}
     assert len(places) == len(TABLE.nodes) + len(TABLE.leaves)
@@ -62,7 +62,7 @@ def test_parts_are_neither_lost_nor_added():
             assert sum(way.parts for way in place.ways) + rejected == arrivals[key]
 
 
-def test_a_name_cannot_break_out_of_the_page(text):
+def test_page_hostile_name_stays_text(text):
     evil = '</script><img src=x onerror="alert(1)">'
     spoilt = job_file.from_canonical(TABLE.job.replace('"rectangle"', json.dumps(evil)))
     log = RunLog([run_log.PartLog(1, reason=evil)], 1, 0, "", "")
@@ -73,20 +73,22 @@ def test_a_name_cannot_break_out_of_the_page(text):
 
 
 def journal_of(tmp_path):
-    node = TABLE.nodes[0]
-    target = node.branches[0].target
-    steps = [(0, 132, target)]
-    parts = [*part(1, steps, "fault", reason="no answer"), *part(2, [], "stopped")]
+    """Writes a journal whose first part faults after a squeeze; returns its path and the branch's target."""
+    target = TABLE.nodes[0].branches[0].target
+    parts = [*part(1, [(0, 132, target)], "fault", reason="no answer"), *part(2, [], "stopped")]
     path = tmp_path / "j.jsonl"
     path.write_bytes(chained([header(dumps(TABLE)), *parts]))
     return path, target
 
 
-def test_a_journal_is_laid_over_the_tree(tmp_path):
+def words_of(output):
+    return [str(TABLE_PATH), "-o", str(output), "--trials", "50"]
+
+
+def test_report_journal_is_laid_over_the_tree(tmp_path):
     journal, target = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [TABLE_PATH, "-o", output, "--trials", "50", "--journal", journal]
-    record = document(report.main, *words, "--json")
+    record = document(report.main, *words_of(output), "--journal", journal, "--json")
     assert record["bytes"] == output.stat().st_size
     assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
     text = output.read_text()
@@ -94,16 +96,15 @@ def test_a_journal_is_laid_over_the_tree(tmp_path):
     assert (first["part"], first["outcome"], first["reason"]) == (1, "fault", "no answer")
     assert first["failed"]
     assert [(s["node"], s["to"]) for s in first["squeezes"]] == [("node-0", key_of(target))]
-    assert ", 1\u00d7</small>" in text  # how many went there
+    assert ", 1\u00d7</small>" in text  # the number of parts on this branch
     assert "rejects" not in text.split("</style>")[1].split("<script")[0]
 
 
-def test_rejects_are_drawn_with_the_part(tmp_path):
+def test_report_rejects_of_a_journal_are_drawn_with_the_part(tmp_path):
     journal, output = tmp_path / "j.jsonl", tmp_path / "page.html"
     parts = [entry for k in range(1, 11) for entry in part(k, [(0, 20, None)], "reject")]
     journal.write_bytes(chained([header(dumps(TABLE)), *parts]))
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--journal", str(journal)]
-    assert report.main(words) == 0
+    assert report.main([*words_of(output), "--journal", str(journal)]) == 0
     figures = output.read_text().partition('id="rejects"')[2].partition("</section>")[0]
     assert figures.count("<figure>") == figures.count('class="part"') == 10
     assert figures.count('class="finger"') == 20
@@ -111,10 +112,10 @@ def test_rejects_are_drawn_with_the_part(tmp_path):
     assert "2 more" in figures
 
 
-def test_two_plans_and_two_runs_are_compared(tmp_path):
+def test_report_compare_shows_two_plans_or_two_runs(tmp_path):
     journal, _ = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--compare"]
+    words = [*words_of(output), "--compare"]
     assert report.main([*words, str(TABLE_PATH)]) == 0
     rows = output.read_text().partition("<h2>Compared</h2>")[2].partition("</table>")[0]
     cells = re.findall(r"<td>([^<]*)</td><td>([^<]*)</td>", rows)
@@ -127,7 +128,7 @@ def test_two_plans_and_two_runs_are_compared(tmp_path):
 
 
 @NEEDED
-def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journal(tmp_path):
+def test_page_way_is_chosen_by_click_keys_widths_and_journal(tmp_path):
     branch = max(TABLE.nodes[0].branches, key=lambda branch: branch.probability_ppm)
     key, width = key_of(branch.target), branch.expected_um / 1e3
     squeezes = [run_log.Squeezed(0, 132, branch.target)]
@@ -168,5 +169,5 @@ def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journa
 
 @NEEDED
 @pytest.mark.parametrize("width", [1400, 390])
-def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
+def test_page_on_a_wide_or_narrow_screen_is_legible(text, tmp_path, width):
     assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}

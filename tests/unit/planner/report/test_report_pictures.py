@@ -1,4 +1,4 @@
-"""Pictures of squeezes: right shapes, whole files in the format of their names, nothing left of a failure."""
+"""Pictures of squeezes, as image files and as a page."""
 
 import json
 import struct
@@ -29,7 +29,7 @@ def png_size(path: Path) -> tuple[int, int]:
     return struct.unpack(">II", data[16:24])
 
 
-def test_formats_follow_the_name(tmp_path: Path) -> None:
+def test_save_writes_the_format_of_the_suffix(tmp_path: Path) -> None:
     for name in ("a.png", "a.svg", "a.pdf"):
         canvas.save(tmp_path / name, lambda: trajectory.figure(OUTLINE, JAWS, [GRASP]))
     width, height = png_size(tmp_path / "a.png")
@@ -40,7 +40,7 @@ def test_formats_follow_the_name(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"a.png", "a.svg", "a.pdf"}
 
 
-def test_page_carries_its_data_and_needs_no_network(tmp_path: Path) -> None:
+def test_html_carries_its_data_and_needs_no_network(tmp_path: Path) -> None:
     path = tmp_path / "squeezes.html"
     trajectory.html(OUTLINE, JAWS, [GRASP, MISS], "<rectangle> & poses", path)
     page = path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Parts sent through a table are neither lost nor made, and come out where the evaluation says."""
+"""The replay of a table conserves its parts, and agrees with the evaluation."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ TRIALS = 1500
 
 
 def conserve(table: Table, job: Job) -> int:
-    """Checks every node's account; returns how many parts were rejected."""
+    """Checks that all nodes pass on the parts that reach them; returns the number of rejected parts."""
     replayed = replay(table, job, TRIALS, seed=3)
     assert len(replayed.visits[0].before) == TRIALS
     rejected = 0
@@ -32,18 +32,20 @@ def conserve(table: Table, job: Job) -> int:
     return rejected
 
 
-def test_children_hold_what_their_parent_had_minus_the_rejected(table: Table, job: Job) -> None:
+def test_replay_children_hold_the_parts_of_their_parent_minus_rejects(
+    table: Table, job: Job
+) -> None:
     conserve(table, job)
 
 
-def test_rejected_parts_go_nowhere(table: Table, job: Job) -> None:
+def test_replay_rejected_parts_reach_no_leaf(table: Table, job: Job) -> None:
     root = table.nodes[0]
     narrow = [branch._replace(high_um=branch.expected_um) for branch in root.branches]
     nodes = root._replace(branches=tuple(narrow)), *table.nodes[1:]
     assert conserve(replace(table, nodes=nodes), job) > 50
 
 
-def test_leaves_are_reached_as_often_as_in_the_evaluation(table: Table, job: Job) -> None:
+def test_replay_reaches_leaves_as_often_as_evaluate(table: Table, job: Job) -> None:
     ours = np.array([len(poses) for poses in replay(table, job, TRIALS, seed=5).leaves])
     leaf = evaluate(table, job, ContactWorld(job, 6), TRIALS, 7).leaf
     theirs = np.bincount(leaf[leaf >= 0], minlength=len(table.leaves))

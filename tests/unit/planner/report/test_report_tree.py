@@ -1,4 +1,4 @@
-"""The picture of a table: every node and leaf is on it once."""
+"""The picture of a table as a tree."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -11,7 +11,7 @@ from runtime.table import Table
 GROUP = "{http://www.w3.org/2000/svg}g"
 
 
-def test_one_panel_a_node_and_a_leaf(table: Table, job: Job) -> None:
+def test_picture_has_one_panel_for_each_node_and_leaf(table: Table, job: Job) -> None:
     drawn = ET.fromstring(tree.picture(table, job, replay(table, job, 200, 0)))
     ids = [group.get("id", "") for group in drawn.iter(GROUP)]
     panels = sorted(name for name in ids if re.fullmatch(r"(node|leaf)-\d+", name))

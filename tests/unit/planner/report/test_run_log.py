@@ -1,4 +1,4 @@
-"""A journal read for a picture is the one that the runtime writes, and nothing that was tampered with."""
+"""Journals that a report reads: those that the runtime writes, and damaged ones, which are refused."""
 
 import hashlib
 
@@ -24,7 +24,7 @@ def written(tmp_path, data):
     return path
 
 
-def test_parts_squeezes_and_outcomes_are_found(tmp_path):
+def test_read_journal_returns_parts_squeezes_and_outcomes(tmp_path):
     log = run_log.read(written(tmp_path, chained([header(TABLE), *PARTS])), DIGEST)
     assert [p.part for p in log.parts] == [1, 2, 3]
     assert [p.failed for p in log.parts] == [False, True, True]
@@ -34,13 +34,13 @@ def test_parts_squeezes_and_outcomes_are_found(tmp_path):
     assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
 
 
-def test_runs_of_other_tables_are_left_out_and_counted(tmp_path):
+def test_read_runs_of_other_tables_are_left_out_and_counted(tmp_path):
     data = chained([header(b"other"), *PARTS, header(TABLE), *PARTS[:4]])
     log = run_log.read(written(tmp_path, data), DIGEST)
     assert (log.runs, log.others, len(log.parts)) == (1, 1, 1)
 
 
-def test_a_part_that_a_crash_cut_short_says_so(tmp_path):
+def test_read_part_cut_short_by_a_crash_is_failed(tmp_path):
     data = chained([header(TABLE), *PARTS[:2]])
     log = run_log.read(written(tmp_path, data + b'{"seq":9,"ti'), DIGEST)
     assert log.parts[0].outcome == "cut short"
@@ -65,7 +65,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_journal_is_refused_in_one_line(tmp_path, name):
+def test_read_damaged_journal_is_refused_in_one_line(tmp_path, name):
     data, sentence = DAMAGED[name]
     with refused_in_a_line(InputError, sentence):
         run_log.read(written(tmp_path, data), DIGEST)

@@ -1,4 +1,4 @@
-"""The sentences that a report begins with: the plan's verdict and the cell's own result."""
+"""The sentences at the top of a report: the verdict on a plan, and the result of a cell."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ FIGURES = {
 
 
 def world(name, wrong=0.0, success=None, broken=None):
-    """What came of a world, with so many wrong answers."""
+    """The row of a world with a share of wrong answers; the other answers are right by default."""
     success = 1.0 - wrong if success is None else success
     figures = {"wrong_rate": wrong, "success_rate": success}
     rates = {"wrong": np.float64(wrong), "success": np.float64(success)}
@@ -42,7 +42,7 @@ PLANNED = world("as planned")
 SKEWED = world("fingers that share 52:48", 0.18, 0.8)
 
 
-def test_a_good_plan_says_what_it_finds_how_well_and_what_it_leans_on():
+def test_verdict_good_plan_states_part_success_and_error():
     result = verdict(JOB, FIGURES)
     assert result.grade == "good"
     assert "30 x 21 mm rectangle" in result.sentence
@@ -50,25 +50,25 @@ def test_a_good_plan_says_what_it_finds_how_well_and_what_it_leans_on():
     assert result.error == "expected error 0.70 mm median, 95 % within 1.70 mm"
 
 
-def test_an_assumption_that_makes_it_wrong_is_a_weakness():
+def test_verdict_assumption_with_wrong_answers_is_named_as_weakest():
     result = verdict(JOB, FIGURES, [PLANNED, SKEWED])
     assert result.grade == "fair"
     assert result.sentence.endswith("weakest assumption: fingers that share 52:48 (18 % wrong)")
 
 
 @pytest.mark.parametrize("worse", [{"success_rate": 0.6}, {"wrong_rate": 0.05}])
-def test_a_plan_that_misses_the_goal_by_far_is_poor(worse):
+def test_verdict_plan_far_from_the_goal_is_poor(worse):
     assert verdict(JOB, FIGURES | worse).grade == "poor"
 
 
-def test_all_parts_located_is_good_and_an_audit_that_fails_is_not():
+def test_cell_result_all_located_is_good_and_failed_audit_is_poor():
     parts = [PartLog(k, [], "leaf", 0) for k in range(1, 4)]
     assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "good"
     parts[0] = replace(parts[0], audit="fail")
     assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "poor"
 
 
-def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind():
+def test_verdict_conditions_keep_the_strictest_of_each_kind():
     lines = [
         PLANNED,
         world("friction 0.9", 0.02, broken=Condition("friction", "below", 0.9)),
@@ -113,7 +113,7 @@ def outlined(length, width, **changes):
         (outlined(30, 21), []),
     ],
 )
-def test_what_makes_an_answer_worth_less_is_a_warning_of_the_verdict(job, words):
+def test_verdict_warnings_are_those_of_the_job(job, words):
     result = verdict(job, FIGURES).warnings
     assert result == warnings_of(job)
     assert len(result) == len(words)

@@ -1,4 +1,4 @@
-"""One set of figures: the compiler's, in the report, in the rows of other worlds and in the verdict."""
+"""The report states the figures of the compiler, and agrees on other worlds in all its places."""
 
 import re
 
@@ -27,7 +27,7 @@ def page(planned):
     return dossier.page(plan.table, job, dossier.Source("t.msgpack", dumps(plan.table)), 600)
 
 
-def test_evaluation_of_a_table_is_the_compilers(planned):
+def test_evaluation_of_table_equals_that_of_the_compiler(planned):
     job, plan = planned
     result = worlds.evaluation_of(plan.table, job, 7)
     assert result.summary() == plan.evaluation.summary()
@@ -36,7 +36,7 @@ def test_evaluation_of_a_table_is_the_compilers(planned):
     assert len({other.case.name for other in others}) == len(others)
 
 
-def test_worlds_beyond_a_limit_are_left_out_and_named(planned):
+def test_tried_beyond_its_limit_leaves_out_worlds_that_untried_names(planned):
     job, plan = planned
     now = iter(range(100)).__next__
     lines = worlds.tried(plan.table, job, plan.evaluation, 100, limit=Limit(3.5, clock=now))
@@ -47,7 +47,7 @@ def test_worlds_beyond_a_limit_are_left_out_and_named(planned):
     assert worlds.untried(job, every) == []
 
 
-def test_page_tells_the_compilers_figures_in_cards_verdict_and_first_row(planned, page):
+def test_page_cards_verdict_and_first_row_state_the_compilers_figures(planned, page):
     _, plan = planned
     figures = plan.evaluation.summary()
     shares = [in_percent(share) for share in shares_of(figures)]
@@ -60,7 +60,7 @@ def test_page_tells_the_compilers_figures_in_cards_verdict_and_first_row(planned
     assert [cells[0], *cells[2:6]] == shares
 
 
-def test_pose_beside_the_parts_of_the_stated_cell_is_reported_with_theirs(planned, page):
+def test_means_equal_the_mean_poses_and_stand_on_the_page(planned, page):
     _, plan = planned
     result = means(plan.table, plan.evaluation)
     for index, (leaf, mean) in enumerate(zip(plan.table.leaves, result, strict=True)):
@@ -77,7 +77,7 @@ def test_pose_beside_the_parts_of_the_stated_cell_is_reported_with_theirs(planne
     assert ("this is deliberate" in page) == any(mean.deliberate for mean in result if mean)
 
 
-def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
+def test_page_worst_world_agrees_in_headline_row_and_card(planned, page):
     job, plan = planned
     worst = weakest(worlds.tried(plan.table, job, plan.evaluation, 600))
     assert f"{worst.name} (" in page

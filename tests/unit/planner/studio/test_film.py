@@ -1,4 +1,4 @@
-"""The film of a simulated part: the world prints what it does, and the page gets hand, part and widths."""
+"""The film of a simulated part: the world prints its squeezes; the film adds the hand and the outline."""
 
 import json
 
@@ -13,7 +13,7 @@ from runtime.shell.errors import UsageError
 SQUEEZED = {"before": {"x_mm": 1.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}
 
 
-def test_the_world_squeezes_as_ever_and_prints_it(capfd):
+def test_filmed_squeeze_equals_that_of_the_world_and_is_printed(capfd):
     job = load(JOB_PATH)
     pose = (1.0, 2.0, 0.1)
     final, width_mm, status = make(job, 3).squeeze(pose)
@@ -24,7 +24,7 @@ def test_the_world_squeezes_as_ever_and_prints_it(capfd):
     assert squeezed["after"]["x_mm"] == round(final[0], 3)
 
 
-def test_a_film_places_the_hand_by_the_table(table):
+def test_film_places_the_hand_by_the_table(table):
     path = [0, table.nodes[0].branches[0].target]
     part = {"number": 7, "path": path, "squeezes": [SQUEEZED, SQUEEZED]}
     shown = film(table, [part], "7")
@@ -40,6 +40,6 @@ def test_a_film_places_the_hand_by_the_table(table):
 
 
 @pytest.mark.parametrize("number", ["8", "", "<b>"])
-def test_a_part_that_is_not_in_the_log_is_refused(table, number):
+def test_film_part_that_is_not_in_the_log_is_refused(table, number):
     with pytest.raises(UsageError, match="not in the log"):
         film(table, [{"number": 7, "path": [0], "squeezes": []}], number)

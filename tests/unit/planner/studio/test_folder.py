@@ -1,4 +1,4 @@
-"""A project folder: names from a page reach its own files alone, and nothing is overwritten."""
+"""A project folder: names from a page reach only its files, and nothing is overwritten."""
 
 import pytest
 
@@ -14,12 +14,12 @@ def folder(plate):
 @pytest.mark.parametrize(
     "name", ["", ".", "..", ".hidden", "a/b", "../a", "a\\b", "a\nb", "a\0b", "x" * 121, None, 7]
 )
-def test_a_name_that_is_none_of_a_file_here_is_refused(name):
+def test_checked_invalid_name_is_refused(name):
     with pytest.raises(UsageError):
         checked(name)
 
 
-def test_an_added_drawing_never_takes_the_place_of_another(folder):
+def test_add_drawing_of_a_taken_name_overwrites_nothing(folder):
     assert folder.add("plate.csv", b"other") == "plate-2.csv"
     assert folder.add("plate.csv", b"other") == "plate-2.csv"
     assert folder.add("plate.csv", b"third") == "plate-3.csv"
@@ -28,7 +28,7 @@ def test_an_added_drawing_never_takes_the_place_of_another(folder):
     assert names == {f"plate{number}.csv" for number in ("", "-2", "-3")}
 
 
-def test_links_hidden_files_and_folders_are_not_of_the_project(folder, tmp_path):
+def test_folder_links_hidden_files_and_folders_are_left_out(folder, tmp_path):
     (tmp_path / "link.csv").symlink_to("/etc/hostname")
     (tmp_path / ".secret").write_text("s")
     (tmp_path / "inner").mkdir()

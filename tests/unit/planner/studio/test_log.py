@@ -1,4 +1,4 @@
-"""A plan's log: what a page shows of it, whoever wrote into it."""
+"""The log of a plan: what a page shows of it, even if others wrote into it."""
 
 import json
 
@@ -33,19 +33,19 @@ def progressed(stage, share):
     return {"stage": stage, "share": share, "seconds": 3.0, "left": "left: unknown", "detail": ""}
 
 
-def test_progress_is_that_of_the_last_line():
+def test_log_of_progress_is_that_of_the_last_line():
     log = read(STEP, progressed("search", 0.2), progressed("search", 0.4))
     assert (log.step, log.drawing, log.progress["share"], log.exit) == ("try", "a.dxf", 0.4, None)
 
 
-def test_answer_becomes_three_numbers():
+def test_log_of_answer_becomes_three_numbers():
     numbers = read(STEP, ANSWER).answer["numbers"]
     assert [number["value"] for number in numbers] == ["99 %", "6.0 s", "0.25 mm"]
     assert "0.4 % wrong" in numbers[0]["more"]
     assert "1.50 mm" in numbers[2]["more"]
 
 
-def test_words_are_shown_where_a_command_failed_and_else_not():
+def test_log_of_messages_are_kept_only_where_a_command_failed():
     line = "plan-try: a.dxf: is no DXF file"
     assert read(STEP, line, {"exit": 3}).lines == [line]
     assert read(STEP, line, {"exit": 0}).lines == []
@@ -64,13 +64,13 @@ def test_words_are_shown_where_a_command_failed_and_else_not():
         '{"stage": "s", "share": "x", "seconds": []}',
     ],
 )
-def test_a_line_that_others_wrote_does_no_harm(line):
+def test_log_of_malformed_line_keeps_the_other_lines(line):
     log = read(STEP, line, progressed("search", 0.5))
     assert log.progress["share"] == 0.5
     json.dumps(log._asdict())
 
 
-def test_squeezes_of_a_part_are_those_before_its_outcome_each_once():
+def test_log_of_part_has_the_squeezes_before_its_outcome_once():
     part = {"part": 1, "outcome": "leaf", "path": [0, 1], "widths_mm": [21.0, 30.0]}
     part |= {"predicted_pose": None, "error_mm": None, "within_goal": True}
     first, again, other = (
@@ -80,4 +80,5 @@ def test_squeezes_of_a_part_are_those_before_its_outcome_each_once():
     warm = {"squeezed": {"before": {"x_mm": 0.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}}
     (shown,) = read(warm, first, again, other, part).parts
     assert [squeeze["width_mm"] for squeeze in shown["squeezes"]] == [21.0, 30.0]
-    assert read(first, part).parts[0]["squeezes"] == [first["squeezed"]]  # `film` refuses these
+    (lacking,) = read(first, part).parts
+    assert lacking["squeezes"] == [first["squeezed"]]  # too few, which `film` refuses

@@ -1,4 +1,4 @@
-"""The plans of a folder: one at a time is under way for all who look, and each has names of its own."""
+"""The plans of a folder: one at a time is under way, for all processes, and each has unused names."""
 
 import sys
 import threading
@@ -17,7 +17,8 @@ import json, pathlib, sys, time
 print(json.dumps({"drawing": sys.argv[3], "step": "try", "command": "c"}), flush=True)
 while not pathlib.Path(sys.argv[2] + ".stop").exists(): time.sleep(0.01)
 print(json.dumps({"exit": 0}), flush=True)
-"""  # plans until it is stopped
+"""
+"""A planning process that runs until it is stopped."""
 
 
 @pytest.fixture
@@ -26,15 +27,15 @@ def plans(plate):
 
 
 @pytest.mark.parametrize("settings", [{"output": "x"}, {"radius": 5}, {"radius": ["5"]}])
-def test_unknown_settings_are_refused(plans, settings):
+def test_arguments_unknown_settings_are_refused(plans, settings):
     with pytest.raises(UsageError):
         plans.arguments("plate.csv", settings)
 
 
-def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
+def test_begin_while_a_plan_is_under_way_is_refused_and_stop_ends_it(plans, monkeypatch):
     monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", PLANNER])
     assert plans.begin("plate.csv", []) == "plate"
-    other = Plans(Folder(plans.folder.path))  # as after the studio was killed
+    other = Plans(Folder(plans.folder.path))  # as after a restart of the studio
     until(lambda: other.all()[0].log.step)
     assert other.all()[0].running
     with pytest.raises(UsageError, match="plate is being planned"):
@@ -46,7 +47,7 @@ def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
         other.stop("plate")
 
 
-def test_two_pages_that_begin_at_once_begin_one_plan(plans, monkeypatch):
+def test_begin_from_several_threads_starts_one_plan(plans, monkeypatch):
     monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", PLANNER])
     begun, refused = [], []
 
@@ -62,15 +63,16 @@ def test_two_pages_that_begin_at_once_begin_one_plan(plans, monkeypatch):
     for page in pages:
         page.join()
     assert begun == ["plate"]
-    assert refused == ["plate is being planned; stop it, or wait for it"] * 3
+    assert len(refused) == 3
+    assert all("plate is being planned" in reason for reason in refused)
     plans.stop("plate")
 
 
-def test_a_plan_takes_a_name_that_no_file_has(plans, monkeypatch):
+def test_begin_taken_name_gets_a_number(plans, monkeypatch):
     monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", ""])
     (plans.folder.path / written_for("plate")["table"]).write_bytes(b"mine")
     assert plans.begin("plate.csv", []) == "plate-2"
     until(lambda: not plans.all()[0].running)
-    assert plans.all()[0].log.exit is None  # ended, and said nothing
+    assert plans.all()[0].log.exit is None  # the process ended without a record
     assert plans.begin("plate.csv", []) == "plate-3"
     assert (plans.folder.path / written_for("plate")["table"]).read_bytes() == b"mine"

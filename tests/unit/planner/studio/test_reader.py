@@ -1,6 +1,7 @@
-"""The process that reads drawings: when it dies of one, the next gets another."""
+"""The process that reads drawings, and its replacement when it dies or hangs."""
 
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -17,22 +18,22 @@ for line in sys.stdin:
 """
 
 
-def test_a_drawing_that_ends_the_reader_is_an_error_and_the_next_is_read(tmp_path, monkeypatch):
+@pytest.fixture
+def reader(tmp_path):
+    with closing(Reader(tmp_path)) as reader:
+        yield reader
+
+
+def test_ask_after_the_process_dies_starts_another(reader, monkeypatch):
     monkeypatch.setattr(readers, "READER", [sys.executable, "-c", ECHO])
-    reader = Reader(tmp_path)
-    try:
-        assert reader.ask(["a"]) == {"words": ["a"]}
-        with pytest.raises(InputError, match="bomb: reading it takes too much"):
-            reader.ask(["bomb"])
-        assert reader.ask(["b"]) == {"words": ["b"]}
-    finally:
-        reader.close()
+    assert reader.ask(["a"]) == {"words": ["a"]}
+    with pytest.raises(InputError, match="bomb: reading it takes too much"):
+        reader.ask(["bomb"])
+    assert reader.ask(["b"]) == {"words": ["b"]}
 
 
-def test_a_drawing_that_takes_too_long_is_an_error(tmp_path, monkeypatch):
+def test_ask_beyond_its_patience_is_an_error(reader, monkeypatch):
     monkeypatch.setattr(readers, "READER", [sys.executable, "-c", "import time; time.sleep(600)"])
     monkeypatch.setattr(readers, "PATIENCE_S", 0.1)
-    reader = Reader(tmp_path)
     with pytest.raises(InputError):
         reader.ask(["slow"])
-    reader.close()

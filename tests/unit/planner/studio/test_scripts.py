@@ -1,4 +1,4 @@
-"""The studio's scripts in Chromium: places in an animation, radii by keys, texts, another tab's plan."""
+"""The studio's scripts in Chromium: the film and its player, radii by keys, texts, and the page."""
 
 import fcntl
 import json
@@ -65,51 +65,52 @@ EVIL = '<img src=x onerror="document.title=1">Prüfling\'s "Ä"'
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
+    """The value of the expression above in the browser."""
     given = f"const film = {json.dumps(FILM)}, evil = {json.dumps(EVIL)};".replace("<", "\\u003c")
     given += "const at = (x_mm, y_mm, turn_deg) => ({x_mm, y_mm, turn_deg});"
     expression = f"(() => {{ {given} return {EXPRESSION} }})()"
     return value_of(expression, SCRIPTS, tmp_path_factory.mktemp("browser"))
 
 
-def test_fingers_touch_where_the_outline_is_farthest_from_their_middle(seen):
+def test_touch_width_is_twice_the_farthest_distance_of_the_outline(seen):
     assert seen["touch"] == pytest.approx([21.0, 30.0, 25.0])
 
 
-def test_a_film_begins_with_open_jaws_and_the_part_where_it_lay(seen):
+def test_moment_of_start_has_open_jaws_and_the_part_where_it_lay(seen):
     assert seen["lasts"] == 4
     assert (seen["begins"]["width"], seen["begins"]["part"]) == (85, SQUEEZES[0]["before"])
-    assert seen["touches"]["part"] == SQUEEZES[0]["before"]  # untouched: not moved
+    assert seen["touches"]["part"] == SQUEEZES[0]["before"]  # not touched yet
 
 
-def test_a_squeeze_ends_at_the_width_and_pose_that_were_read(seen):
+def test_moment_of_held_part_has_the_width_and_pose_of_the_log(seen):
     held = seen["held"]
     assert held["width"] == pytest.approx(21.0)
     assert (held["part"]["x_mm"], held["part"]["y_mm"]) == (1, 0)
-    assert held["part"]["turn_deg"] == pytest.approx(190.0)  # the short way: -170 is 190
+    assert held["part"]["turn_deg"] == pytest.approx(190.0)  # that is -170, by the short way
     assert 170.0 < seen["half"]["part"]["turn_deg"] < 190.0
 
 
-def test_each_squeeze_has_its_hand_and_the_film_ends_with_the_last(seen):
+def test_moment_of_later_squeeze_has_its_hand_and_the_last_ends_the_film(seen):
     assert (seen["second"]["number"], seen["second"]["hand"]) == (1, SQUEEZES[1]["hand"])
     assert seen["ends"]["number"] == 1
     assert seen["caption"] == "Squeeze 2 of 2: 22.0 mm apart"
     assert seen["fingers"] == 2
 
 
-def test_player_begins_again_after_the_end_and_pauses_where_the_slider_is_moved(seen):
+def test_player_restarts_after_the_end_and_pauses_when_the_slider_moves(seen):
     assert seen["player"] == {"begun": ["Pause", "0"], "ended": "Play", "seen": [3]}
 
 
-def test_radii_keep_to_steps_and_bounds(seen):
+def test_nearest_radius_and_radius_after_keep_to_steps_and_bounds(seen):
     assert seen["radii"] == [3.5, 0.5, 100, 3.5, 0.5, 100, None]
 
 
-def test_markup_in_names_is_text(seen):
+def test_make_markup_in_a_name_is_text(seen):
     assert (seen["text"], seen["inside"]) == (EVIL, 0)
 
 
 def page_with(answers):
-    """The studio's page in one file; `answers` holds what its server says, by path: null if it is gone."""
+    """The studio's page in one file; `answers` are those of the server, by path; null: it does not answer."""
     scripts = (*SCRIPTS, f"{FOLDER}/studio.js")
     common, *modules = ((ROOT / name).read_text("utf-8") for name in scripts)
     script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
@@ -136,7 +137,7 @@ def studio(plate):
 
 @pytest.fixture
 def read(studio):
-    """What the studio says of the drawing."""
+    """The studio's answer to a preview of the drawing."""
     return {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
 
 
@@ -146,7 +147,7 @@ def state_of(studio):
 
 @pytest.fixture
 def seen_in(studio, tmp_path):
-    """What a script finds on the studio's page, with these answers of its server."""
+    """A function that runs a script on the studio's page, with answers of its server; returns its value."""
 
     def play(script, folder, drawing):
         answers = {"page": studio.page().body.decode(), "/folder.json": folder, "/preview": drawing}
@@ -155,12 +156,12 @@ def seen_in(studio, tmp_path):
     return play
 
 
-def test_plan_button_while_another_tab_plans_says_why_it_is_disabled(
+def test_plan_button_while_another_tab_plans_is_disabled_with_a_reason(
     studio, read, seen_in, tmp_path
 ):
     log = tmp_path / "plate.plan.jsonl"
     log.write_text('{"drawing": "plate.csv", "step": "try", "command": "squeezetree try"}\n')
-    with closing(log.open("ab")) as planning:  # as the planning process does
+    with closing(log.open("ab")) as planning:  # locked as by the planning process
         fcntl.flock(planning, fcntl.LOCK_EX)
         running = state_of(studio)
     log.write_text(log.read_text() + '{"exit": 0}\n')
@@ -176,13 +177,13 @@ def test_plan_button_while_another_tab_plans_says_why_it_is_disabled(
   return {{during, after: await settled(false), error: byId("error").textContent}};
 """
     seen = seen_in(script, running, read)
-    reason = "plate is being planned; stop it, or wait for it."
-    assert seen["during"] == {"disabled": True, "reason": reason}
+    assert seen["during"]["disabled"]
+    assert "plate is being planned" in seen["during"]["reason"]
     assert seen["after"] == {"disabled": False, "reason": ""}
     assert seen["error"] == ""
 
 
-def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(studio, read, seen_in):
+def test_preview_unanswered_by_a_killed_server_is_requested_again(studio, read, seen_in):
     script = f"""
   const shown = async (id, wanted) => {{
     for (let k = 0; k < 50 && byId(id).hidden === wanted; k++)
@@ -200,7 +201,7 @@ def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(studio, 
     assert "30.0 x 21.0 mm" in seen["facts"]
 
 
-def test_file_that_is_no_drawing_is_refused_without_asking_the_server(studio, read, seen_in):
+def test_file_input_of_no_drawing_is_refused_without_the_server(studio, read, seen_in):
     script = """
   const files = new view.DataTransfer();
   files.items.add(new view.File(["x"], "photo.jpg"));

@@ -1,4 +1,4 @@
-"""The studio over HTTP: who is answered, what is obeyed, which files are reached, and how safely."""
+"""The studio over HTTP: which requests are answered, which files are reached, and how they are shown."""
 
 import http.client
 import json
@@ -55,7 +55,7 @@ def call(studio, method, path, body=None, **headers):
     return response, data
 
 
-def test_the_page_is_whole_labelled_and_loads_nothing_from_elsewhere(studio):
+def test_get_page_is_well_formed_labelled_and_self_contained(studio):
     response, data = call(studio, "GET", "/")
     text = data.decode()
     page = Page(text)
@@ -74,7 +74,7 @@ def test_the_page_is_whole_labelled_and_loads_nothing_from_elsewhere(studio):
 @pytest.mark.parametrize(
     "host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:1", None]
 )
-def test_who_asks_for_another_name_learns_nothing(studio, host):
+def test_get_for_another_host_is_forbidden(studio, host):
     for path in ("/", "/folder.json", "/files/report.html"):
         response, data = call(studio, "GET", path, Host=host)
         assert response.status == 403
@@ -85,20 +85,20 @@ def test_who_asks_for_another_name_learns_nothing(studio, host):
 @pytest.mark.parametrize(
     "path", ["/plan?drawing=x", "/stop?plan=x", "/drawings?name=x.csv", "/preview"]
 )
-def test_another_page_is_not_obeyed(studio, origin, path):
+def test_post_from_another_origin_is_forbidden(studio, origin, path):
     assert call(studio, "POST", path, b"{}", Origin=origin)[0].status == 403
     assert studio.asked == []
 
 
 @pytest.mark.parametrize("path", ["../secret", "..%2Fsecret", "%2e%2e%2fsecret", "a%00b"])
-def test_no_path_leads_out_of_the_folder(studio, path):
+def test_get_file_outside_the_folder_is_refused(studio, path):
     response, data = call(studio, "GET", f"/files/{path}")
     assert response.status == 400
     assert data.count(b"\n") == 0
     assert b"secret" not in data.replace(b"../secret", b"")
 
 
-def test_a_drawing_is_kept_and_what_is_none_is_refused_in_a_line(studio):
+def test_post_drawing_is_stored_and_a_path_as_its_name_is_refused(studio):
     answer = json.loads(call(studio, "POST", "/drawings?name=new.csv", b"0,0\n")[1])
     assert answer == {"drawing": "new.csv"}
     response, data = call(studio, "POST", "/drawings?name=..%2Fnew.csv", b"0,0\n")
@@ -106,26 +106,26 @@ def test_a_drawing_is_kept_and_what_is_none_is_refused_in_a_line(studio):
 
 
 @pytest.mark.parametrize("length", ["99999999999", "-1", "x", ""])
-def test_what_is_too_large_is_not_read(studio, length):
+def test_post_of_invalid_or_huge_length_is_refused(studio, length):
     response, _ = call(studio, "POST", "/drawings?name=a.csv", b"", **{"Content-Length": length})
     assert response.status == 413
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b'{"output": "x"}', b"\xff", b"[" * 10_000])
-def test_settings_that_are_none_are_refused(studio, body):
+def test_post_plan_with_invalid_settings_is_refused(studio, body):
     response, data = call(studio, "POST", f"/plan?drawing={quote(NAME)}", body)
     assert response.status == 400
     assert json.loads(data)["error"]
 
 
-def test_a_preview_tells_the_command_line_that_does_the_same(studio):
+def test_post_preview_returns_the_equivalent_command(studio):
     body = b'{"radius": "5"}'
     answer = json.loads(call(studio, "POST", f"/preview?drawing={quote(NAME)}", body)[1])
     assert studio.asked == [[NAME, "--radius=5"]]
     assert answer["command"].endswith("--radius 5")
 
 
-def test_files_open_in_a_sandbox_or_are_saved(studio):
+def test_get_files_are_sandboxed_or_shown_as_text_or_saved(studio):
     report, _ = call(studio, "GET", "/files/report.html")
     assert report.getheader("Content-Security-Policy").startswith("sandbox allow-scripts;")
     assert "allow-same-origin" not in report.getheader("Content-Security-Policy")
@@ -137,7 +137,7 @@ def test_files_open_in_a_sandbox_or_are_saved(studio):
     assert saved == "attachment; filename*=UTF-8''a.msgpack"
 
 
-def test_a_tab_closed_before_its_answer_leaves_the_terminal_silent(studio, capsys):
+def test_get_from_a_tab_closed_before_its_answer_prints_nothing(studio, capsys):
     asked, gone = threading.Event(), threading.Event()
 
     def state():
@@ -150,7 +150,8 @@ def test_a_tab_closed_before_its_answer_leaves_the_terminal_silent(studio, capsy
     ended = threading.Event()
     studio.shutdown_request = lambda request: (handled(request), ended.set())
     with socket.create_connection(("127.0.0.1", studio.server_port)) as tab:
-        tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # resets
+        reset_when_closed = struct.pack("ii", 1, 0)
+        tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset_when_closed)
         host = f"127.0.0.1:{studio.server_port}"
         tab.sendall(f"GET /folder.json HTTP/1.0\r\nHost: {host}\r\n\r\n".encode())
         assert asked.wait(60)

@@ -1,4 +1,4 @@
-"""What is tried beside a plan: values that grow or shrink, until one is too much."""
+"""What-if trials: values of a job that grow or shrink until the plan for one of them fails."""
 
 import json
 
@@ -13,7 +13,7 @@ confidence = 0.95
 """
 
 
-def test_a_value_is_too_much_where_fewer_parts_are_located_than_asked_for(tmp_path):
+def test_result_is_enough_where_the_confidence_is_reached(tmp_path):
     job = tmp_path / "a.toml"
     job.write_text(JOB)
     trial = next(trials_of(job))

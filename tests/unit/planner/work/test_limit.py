@@ -1,9 +1,9 @@
-"""A budget of time, and a request to end with what stands."""
+"""A budget of time, and requests for an early end with the result so far."""
 
 from planner.work.limit import Limit
 
 
-def test_a_budget_ends_when_only_the_reserve_is_left(clock):
+def test_over_when_only_the_reserve_is_left_is_true(clock):
     limit = Limit(10.0, clock)
     clock.now += 10.0
     assert not limit.over()
@@ -14,7 +14,7 @@ def test_a_budget_ends_when_only_the_reserve_is_left(clock):
     assert limit.over(1.5)
 
 
-def test_a_request_is_heard_once_and_only_where_something_stands(clock):
+def test_ask_is_accepted_once_and_only_with_a_result_to_keep(clock):
     limit = Limit(10.0, clock)
     assert not limit.ask()
     assert not limit.asked

@@ -1,4 +1,4 @@
-"""Threads give every result, in order, and stop at the first error."""
+"""Threads: all results in order, an end at the first error; clusters that cannot be used."""
 
 import multiprocessing
 import os
@@ -15,17 +15,17 @@ def squared(value):
 
 
 def late(value):
-    """Later items finish earlier."""
+    """Takes longer for the first of ten items than for the last."""
     time.sleep(0.002 * (10 - value % 10))
     return value
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])
 class TestThreads:
-    def test_results_come_in_the_order_of_the_items(self, workers):
+    def test_map_results_keep_the_order_of_the_items(self, workers):
         assert list(Threads(workers).map(late, range(40))) == list(range(40))
 
-    def test_the_functions_error_ends_the_work(self, workers):
+    def test_map_error_of_the_function_ends_the_work(self, workers):
         begun = []
 
         def fail(value):
@@ -38,7 +38,7 @@ class TestThreads:
             list(Threads(workers).map(fail, range(1000)))
         assert len(begun) < 100
 
-    def test_work_that_nobody_takes_is_not_done_ahead_without_end(self, workers):
+    def test_map_results_not_taken_limit_the_work_ahead(self, workers):
         begun = []
         results = Threads(workers).map(lambda value: begun.append(value) or value, range(1000))
         assert next(results) == 0
@@ -46,8 +46,8 @@ class TestThreads:
         assert len(begun) < 50
 
 
-def test_work_within_work_ends():
-    """Its own items, and those of threads that it waits for: none takes the place of what it waits for."""
+def test_map_within_map_does_not_deadlock():
+    """Maps within a map, and in a thread that it waits for, must not occupy the threads that it needs."""
 
     def inner(value):
         return sum(Threads(2).map(squared, range(value)))
@@ -61,7 +61,7 @@ def test_work_within_work_ends():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
-def test_a_forked_process_has_threads_of_its_own():
+def test_map_in_a_forked_process_ends():
     assert list(Threads(2).map(squared, range(9))) == [squared(k) for k in range(9)]
     fork = multiprocessing.get_context("fork")
     process = fork.Process(target=lambda: [*Threads(2).map(squared, range(9))])
@@ -73,11 +73,11 @@ def test_a_forked_process_has_threads_of_its_own():
 @pytest.mark.parametrize(
     "address", ["", "localhost:8786", "tcp:/host:1", "http://host:8786", "tcp://a b"]
 )
-def test_what_is_no_address_is_refused(address):
+def test_scheduler_of_invalid_address_is_refused(address):
     with pytest.raises(UsageError, match="tcp://host:8786"), scheduler_of(address):
         pass
 
 
-def test_a_cluster_works_only_within_its_block():
+def test_cluster_map_outside_its_block_is_refused():
     with pytest.raises(ValueError, match="with"):
         list(Cluster("tcp://127.0.0.1:1").map(squared, [1]))

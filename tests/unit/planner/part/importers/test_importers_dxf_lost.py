@@ -1,4 +1,4 @@
-"""Shapes of DXF files that cannot be read: named, and refused where they may be the outline."""
+"""Shapes of DXF files that cannot be read: they are named, and refused where they may be the outline."""
 
 import re
 
@@ -18,7 +18,7 @@ def plate(space, **attributes):
 
 
 def spline(**broken):
-    """Draws a spline with values replaced, each by what a function makes of it."""
+    """Draws a spline with changed attributes, each given as a function of its value."""
 
     def draw(space, _):
         curve = space.add_open_spline(ROUND)
@@ -106,7 +106,7 @@ def test_read_hatch_within_the_outline_is_ignored(tmp_path):
     assert "1 HATCH, 1 SOLID" in notes(part)
 
 
-def test_read_what_no_outline_can_be_is_no_loss(tmp_path):
+def test_read_dimensions_and_texts_are_ignored(tmp_path):
     def draw(space, _):
         plate(space)
         space.add_linear_dim(base=(0, -6), p1=(0, 0), p2=(40, 0)).render()
@@ -127,7 +127,7 @@ def cut_short(text):
 
 
 @pytest.mark.parametrize(("spoil", "reason"), [(guessed, "floating"), (cut_short, "cut short")])
-def test_read_spoiled_text_among_the_shapes_is_refused(tmp_path, spoil, reason):
+def test_read_damaged_text_among_the_shapes_is_refused(tmp_path, spoil, reason):
     def draw(space, _):
         hole(space)
         space.add_line((123.5, 0), (1, 0))
@@ -147,12 +147,12 @@ def test_read_spoiled_text_among_the_shapes_is_refused(tmp_path, spoil, reason):
     ],
     ids=["too many knots", "knots that fall", "polygon mesh"],
 )
-def test_read_shape_that_cannot_be_drawn_is_named(tmp_path, draw):
+def test_read_shape_that_cannot_be_drawn_is_refused_and_named(tmp_path, draw):
     path = dxf(tmp_path, lambda *where: (hole(where[0]), draw(*where)))
     refused(path, r"its (SPLINE|POLYLINE) #\w+ cannot be drawn")
 
 
-def test_read_unknown_shape_is_lost_where_it_is_seen(tmp_path):
+def test_read_unknown_shape_is_refused_where_it_is_visible(tmp_path):
     def draw(space, document):
         document.layers.add("HIDDEN").off()
         plate(space, layer="CUT")

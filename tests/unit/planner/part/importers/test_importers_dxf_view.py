@@ -1,4 +1,4 @@
-"""What of a DXF drawing is seen: layers through blocks, frozen and switched off, flags, clips, plotting."""
+"""What is visible in a DXF drawing: layers that are off or frozen, blocks, flags, clips, plotting."""
 
 import math
 
@@ -12,7 +12,7 @@ CORNERS = (0, 0), (40, 20)  # of the plate
 
 
 def inserted(corners, content, *inserts):
-    """Draws a box with these attributes in a block, that block in the next, and the last in the drawing."""
+    """Draws a box with attributes in nested blocks, one for each insert, the last into the drawing."""
 
     def draw(space, document):
         box(document.blocks.new("BLOCK"), *corners, **content)
@@ -76,7 +76,7 @@ SEEN = {
 
 
 @pytest.mark.parametrize("shown", SEEN.values(), ids=SEEN)
-def test_read_what_is_shown_by_its_layer_returns_it_too(tmp_path, shown):
+def test_read_block_content_on_a_visible_layer_is_the_outline(tmp_path, shown):
     def draw(space, document):
         document.layers.add("HIDDEN").off()
         shown(space, document)
@@ -89,7 +89,7 @@ def test_read_what_is_shown_by_its_layer_returns_it_too(tmp_path, shown):
     assert area(read(dxf(tmp_path, with_frame), layer="cut")) == pytest.approx(PLATE_MM2)
 
 
-def test_read_layer_that_is_off_returns_what_is_not_invisible_on_it(tmp_path):
+def test_read_hidden_layer_by_name_leaves_out_invisible_shapes(tmp_path):
     def draw(space, document):
         document.layers.add("CUT").off()
         document.layers.get("CUT").freeze()
@@ -102,7 +102,7 @@ def test_read_layer_that_is_off_returns_what_is_not_invisible_on_it(tmp_path):
     assert any("not visible" in note for note in error.__notes__)
 
 
-def test_read_frame_that_is_not_plotted_is_refused_since_it_may_be_the_outline(tmp_path):
+def test_read_unplotted_frame_about_the_outline_is_refused(tmp_path):
     def draw(space, document):
         document.layers.add("GUIDE").dxf.plot = 0
         box(space, *CORNERS)
@@ -150,6 +150,6 @@ def test_read_array_in_a_block_is_stretched_and_mirrored_with_it(tmp_path, y):
 
 
 @pytest.mark.parametrize(("x", "y", "turn"), [(2, 2, 30), (2, -2, 90), (2, 0.5, 180)])
-def test_read_block_in_a_block_turns_and_stretches_it(tmp_path, x, y, turn):
+def test_read_nested_block_is_turned_and_stretched(tmp_path, x, y, turn):
     draw = inserted(CORNERS, ZERO, {"rotation": turn}, {"xscale": x, "yscale": y})
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2 * abs(x * y))

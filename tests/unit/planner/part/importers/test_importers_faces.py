@@ -1,4 +1,4 @@
-"""A solid as it lies on its stable faces: shares by solid angles, outlines at one height, alike ones once."""
+"""The stable faces of a solid: shares by solid angle, outlines at the tips; equal faces are merged."""
 
 import math
 
@@ -18,11 +18,11 @@ def read(path, mesh, **options):
 
 
 def solid_angle(a, b, distance):
-    """Of a rectangle a x b, seen from a point above its middle."""
+    """The solid angle of a rectangle a x b, seen from a distance above its middle."""
     return 4.0 * math.asin(a * b / math.sqrt((a * a + 4 * distance**2) * (b * b + 4 * distance**2)))
 
 
-def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
+def test_read_faces_brick_shares_equal_solid_angles(tmp_path):
     sides = (40.0, 25.0, 12.0)
     faces = read(tmp_path / "brick.stl", trimesh.creation.box(sides))
     assert sum(face.share for face in faces) == pytest.approx(1.0)
@@ -40,7 +40,7 @@ def stool():
     return trimesh.util.concatenate([*legs, plate])
 
 
-def test_legs_alone_above_the_tips_are_met_at_their_hull_and_a_wider_foot_is_noted(tmp_path):
+def test_read_faces_separate_legs_give_their_hull_and_note_a_wider_foot(tmp_path):
     faces = read(tmp_path / "stool.stl", stool(), height_mm=8.0)
     upside_down = next(face for face in faces if face.down[0] == (0.0, 0.0, 1.0))
     assert upside_down.imported.size_mm == pytest.approx([36, 20])
@@ -59,21 +59,21 @@ def mushroom(cap_mm):
     return trimesh.util.concatenate([stem, cap])
 
 
-def test_cap_up_and_cap_down_differ_where_the_fingers_meet_other_silhouettes(tmp_path):
+def test_read_faces_thin_cap_up_and_down_differ(tmp_path):
     faces = read(tmp_path / "thin.stl", mushroom(4.0))
     flat = [face for face in faces if abs(face.down[0][2]) == 1.0]
     ends = {face.down: face.imported.size_mm.tolist() for face in flat}
     assert ends == {((0.0, 0.0, -1.0),): [40, 20], ((0.0, 0.0, 1.0),): [20, 10]}
 
 
-def test_cap_up_and_cap_down_are_one_where_the_fingers_meet_the_cap_either_way(tmp_path):
+def test_read_faces_thick_cap_up_and_down_are_one(tmp_path):
     faces = read(tmp_path / "thick.stl", mushroom(6.0))
     ends = [face for face in faces if abs(face.down[0][2]) == 1.0]
     assert [len(face.down) for face in ends] == [2]
     assert ends[0].imported.size_mm == pytest.approx([40, 20])
 
 
-def test_what_is_no_solid_has_no_faces(tmp_path):
+def test_read_faces_open_flat_or_drawn_part_is_refused(tmp_path):
     broken = trimesh.creation.box((20, 20, 20))
     broken.faces = broken.faces[1:]
     with pytest.raises(InputError, match="no closed solid"):

@@ -1,4 +1,4 @@
-"""Drawings at site coordinates: read as if they lay near their origin, with a datum that a job takes."""
+"""Drawings far from their origin are read as if they lay near it, and jobs accept their datum."""
 
 import math
 
@@ -15,7 +15,7 @@ FLAGS = ["--radius=3", "--turn=20", "--gripper=robotiq-2f-85", "--fingers=rubber
 
 @pytest.mark.parametrize("site_mm", [(0, -10_050), (5e8, 3e8), (-3.4e9, 5.8e9)])
 @pytest.mark.parametrize(("units", "unit_mm"), [(4, 1.0), (6, 1000.0)])
-def test_job_of_a_drawing_far_away_has_a_datum_at_the_part(tmp_path, units, unit_mm, site_mm):
+def test_init_drawing_far_away_has_its_datum_at_the_part(tmp_path, units, unit_mm, site_mm):
     points = ((BRACKET + site_mm) / unit_mm).tolist()
     path = dxf(tmp_path, lambda space, _: space.add_lwpolyline(points, close=True), units)
     assert init.main([str(path), "-o", str(tmp_path / "job.toml"), *FLAGS]) == 0
@@ -40,7 +40,7 @@ def strokes(space, at):
     lines(space, arc(at, 0.7, 0, math.tau, 400)[:-1])
 
 
-SMALL = {  # what is drawn at (x, y), and its area
+SMALL = {  # function that draws at (x, y), and the area [mm2]
     "bulges": (bulges, 800 - (4 - math.pi) * 0.3**2),
     "disc": (lambda space, at: space.add_circle(at, 0.8), math.pi * 0.8**2),
     "ellipse": (lambda space, at: space.add_ellipse(at, (3, 0), 0.2), math.pi * 3 * 0.6),
@@ -53,7 +53,7 @@ SMALL = {  # what is drawn at (x, y), and its area
 @pytest.mark.parametrize(("draw", "mm2"), SMALL.values(), ids=SMALL)
 @pytest.mark.parametrize("site_mm", [(0, 0), (5e9, -3e9)])
 @pytest.mark.parametrize("block", [False, True])
-def test_read_small_shape_far_away_keeps_its_form(tmp_path, draw, mm2, site_mm, block):
+def test_read_small_shape_far_away_keeps_its_area(tmp_path, draw, mm2, site_mm, block):
     def place(space, document):
         if block:
             space.add_blockref("PART", (7, 5))

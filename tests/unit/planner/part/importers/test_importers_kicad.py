@@ -1,4 +1,4 @@
-"""Component bodies from KiCad footprints: every kind of shape, and what else a file may hold."""
+"""Component bodies from KiCad footprints: all kinds of shapes, and the other content of such files."""
 
 import math
 
@@ -25,13 +25,13 @@ RECT = "(fp_rect (start -10 -5) (end 10 5)"
 DISCS = "(pts (arc (start -10 0) (mid 0 -10) (end 10 0)) (arc (start 10 0) (mid 0 10) (end -10 0)))"
 CURVE = f"(fp_curve (pts (xy 0 0) (xy 0 20) (xy 30 20) (xy 30 0)) {FAB}"
 OLD = "(fp_arc (start 0 0) (end 0 {}) (angle 180) (layer F.Fab) (width 0.1))"
-BODIES = {  # shapes as KiCad's versions write them, area of the body
+BODIES = {  # shapes as versions of KiCad write them, and the area of the body [mm2]
     "arc in a polygon": (
         f"(fp_poly (pts (xy 0 0) (xy 20 0) {ARC} (xy 0 20)) {STROKE} {FAB}",
         D_AREA,
     ),
     "polygon of arcs": (f"(fp_poly {DISCS} {FAB}", 100 * math.pi),
-    # 3/5 of 30 x 20, by its Bernstein integral
+    # 3/5 of 30 x 20, from the integral of its Bernstein polynomials
     "curve": (f"{CURVE} (fp_line (start 0 0) (end 30 0) {FAB}", 360.0),
     "rectangle": (f'(fp_rect (start 10 5) (end -10 -5) (fill no) (uuid "a-1") {FAB}', 200),
     "rounded rectangle": (f'{RECT} (radius 2) (layer "F.Fab"))', 200 - 16 + 4 * math.pi),
@@ -44,7 +44,7 @@ BODIES = {  # shapes as KiCad's versions write them, area of the body
     "all sides": ('(fp_circle (center 0 0) (end 6 8) (layers "*.Fab" "F.SilkS"))', 100 * math.pi),
     "old arcs": (OLD.format(-10) + OLD.format("10.0"), 100 * math.pi),
 }
-OTHERS = (  # what stands around a body
+OTHERS = (  # other content of a footprint
     '(descr "a (body) on \\"F.Fab\\"; [odd") (tags "a b")',
     "(attr smd)",
     "(model ${K}/x.wrl (at (xyz 0 0 0)))",
@@ -60,20 +60,21 @@ OTHERS = (  # what stands around a body
     "head", ['(footprint "x:y" (version 20240108)', "(module R_0603 (layer F.Cu) (tedit 5A)"]
 )
 @pytest.mark.parametrize(("shapes", "mm2"), BODIES.values(), ids=BODIES)
-def test_bodies_of_all_versions_keep_their_area(tmp_path, shapes, mm2, head):
+def test_read_body_of_any_version_keeps_its_area(tmp_path, shapes, mm2, head):
     result = read(footprint(tmp_path, *OTHERS, shapes, head=head))
     assert area(result) == pytest.approx(mm2, rel=3e-3)
     assert result.notes == ()
 
 
-def test_what_is_not_known_on_the_body_is_named(tmp_path):
+def test_read_unknown_shape_on_the_body_layer_is_named(tmp_path):
     odd = '(fp_ellipse (center 0 0) (layer "F.Fab"))'
     result = read(footprint(tmp_path, odd, odd, f"(fp_rect (start -10 -5) (end 10 5) {FAB}"))
-    assert result.notes == ("not known, ignored on F.Fab: 2 fp_ellipse",)
+    (note,) = result.notes
+    assert "ignored on F.Fab: 2 fp_ellipse" in note
     refused(footprint(tmp_path, odd), r"no shape on F\.Fab.*not known: 1 fp_ellipse")
 
 
-def test_a_footprint_without_a_body_names_the_layer_and_those_that_it_draws_on(tmp_path):
+def test_read_footprint_without_a_body_is_refused_with_its_layers(tmp_path):
     silk = footprint(tmp_path, '(fp_rect (start 0 0) (end 9 5) (layer "F.SilkS") (width 0.1))')
     refused(silk, r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline")
     refused(footprint(tmp_path), "draws nothing at all")
@@ -92,13 +93,13 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("shape", DAMAGED.values(), ids=DAMAGED)
-def test_damage_is_refused_in_a_line(tmp_path, shape):
+def test_read_damaged_footprint_is_refused_in_one_line(tmp_path, shape):
     refused(footprint(tmp_path, shape, f"(fp_rect (start -10 -5) (end 10 5) {FAB}"))
 
 
-# The alarm may come while a collector's callback runs, where Python drops it; the next one is heard.
+# Python drops an alarm that comes in a callback of the garbage collector; the next alarm raises.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_footprint_that_takes_too_long_is_not_called_damaged(tmp_path):
+def test_read_footprint_beyond_the_time_limit_is_refused_as_slow(tmp_path):
     path = footprint(tmp_path, "(at 0 0 0)" * 400_000)
     with pytest.raises(InputError, match="longer than"), time_limit(0.2):
         kicad.read(path.read_bytes(), Options())

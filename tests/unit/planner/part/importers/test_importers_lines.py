@@ -1,4 +1,4 @@
-"""Lines of drawings that lie upon each other, cross or share an edge: the outline that they mean."""
+"""Drawings whose lines overlap, cross or share an edge: the outline that they mean."""
 
 import math
 from itertools import pairwise
@@ -55,12 +55,12 @@ DOUBLE = {
 
 
 @pytest.mark.parametrize("draw", DOUBLE.values(), ids=DOUBLE)
-def test_read_double_and_crossing_lines_is_the_plate(tmp_path, draw):
+def test_read_double_and_crossing_lines_return_the_plate(tmp_path, draw):
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=2e-3)
 
 
-def test_arc_drawn_twice_otherwise_is_one(tmp_path):
-    """Half discs as an ARC, as a bulge the other way round, and as a spline through them."""
+def test_read_arc_drawn_as_several_curves_is_one(tmp_path):
+    """A half disc as an ARC, as a bulge in the other direction, and as a spline."""
 
     def draw(space, _):
         space.add_line((0, 0), (40, 0))
@@ -101,7 +101,7 @@ SEAMS = {
 
 
 @pytest.mark.parametrize(("draw", "sentence"), SEAMS.values(), ids=SEAMS)
-def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, draw, sentence):
+def test_read_adjacent_regions_are_merged_and_their_edge_is_named(tmp_path, draw, sentence):
     part = read(dxf(tmp_path, draw))
     assert area(part) == pytest.approx(PLATE_MM2, rel=1e-3)
     assert sentence in notes(part)
@@ -116,7 +116,7 @@ CROSSED = {
 
 
 @pytest.mark.parametrize("draw", CROSSED.values(), ids=CROSSED)
-def test_read_closed_contours_that_overlap_is_refused(tmp_path, draw):
+def test_read_overlapping_closed_contours_are_refused(tmp_path, draw):
     refused(dxf(tmp_path, draw), r"closed contours overlap near \(.*draw the outline as one")
 
 
@@ -135,7 +135,7 @@ def test_read_holes_and_centre_lines_leave_the_outline_as_it_is(tmp_path, inside
 
 
 def dimension_on(layer, beyond):
-    """Extension lines from the plate's corners and a dimension line between them, exploded."""
+    """The exploded lines of a dimension: extension lines from two corners, and the line between them."""
 
     def draw(space, _):
         lines(space, layer="CUT")
@@ -148,7 +148,7 @@ def dimension_on(layer, beyond):
 
 
 @pytest.mark.parametrize(("layer", "beyond"), [("DIM", 0), ("DIM", 2), ("CUT", 2)])
-def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer, beyond):
+def test_read_dimension_lines_that_close_a_contour_are_refused(tmp_path, layer, beyond):
     path = dxf(tmp_path, dimension_on(layer, beyond))
     refused(path, r"from \(0, .*--layer")
     if layer == "DIM":
@@ -156,8 +156,8 @@ def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer,
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_regions_are_those_of_a_slow_twin(seed):
-    """Random lines and boxes: the regions' union is that of the bounded faces by shapely alone."""
+def test_regions_random_lines_equal_the_union_by_shapely(seed):
+    """Compares with the bounded faces that shapely alone finds; regions in turn share no edge."""
     random = np.random.default_rng(seed)
     drawn = [random.integers(0, 12, (2, 2)).astype(float) for _ in range(14)]
     drawn = [line for line in drawn if (line[0] != line[1]).any()]
@@ -172,7 +172,7 @@ def test_regions_are_those_of_a_slow_twin(seed):
         assert shapely.intersection(*shared).length < 1e-5
 
 
-def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
+def test_read_wide_open_outline_about_a_hole_is_refused(tmp_path):
     def draw(space, _):
         space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
         space.add_circle((20, 10), 4)

@@ -1,4 +1,4 @@
-"""STL solids as outlines: the silhouette of what lies above the finger tips."""
+"""Outlines of STL solids: the silhouette of what lies above the finger tips."""
 
 import math
 
@@ -27,7 +27,7 @@ BAD = [b"", b"solid nothing\nendsolid", b"\0" * 84, b"\xff" * 200, b"solid x\nfa
 
 
 @pytest.mark.parametrize("data", BAD)
-def test_bad_solids_are_refused(tmp_path, data):
+def test_read_damaged_stl_is_refused(tmp_path, data):
     path = tmp_path / "bad.stl"
     path.write_bytes(data)
     refused(path, error=ExpectedError, units="mm")
@@ -38,7 +38,7 @@ def box(low, high):
 
 
 def frustum(bottom, top, height):
-    """A tapered block on centred rectangles."""
+    """A tapered block between two centred rectangles."""
     sides = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
     levels = ((bottom, 0.0), (top, height))
     corners = [np.column_stack([sides * size, np.full(4, z)]) for size, z in levels]
@@ -54,7 +54,7 @@ def turned(body, degrees, axis):
     return body.apply_transform(turn)
 
 
-def test_a_thin_solid_has_an_outline_and_a_flat_or_far_one_is_refused(tmp_path):
+def test_read_thin_solid_is_accepted_and_flat_or_far_one_refused(tmp_path):
     thin = box((0, 0, 0), (40, 20, 0.8))
     result = read(solid(tmp_path, thin), units="mm")
     assert (area(result), result.height_mm) == pytest.approx((800, 0.8))
@@ -75,7 +75,7 @@ def disc(radius, low, high):
 
 TAPER = 2.0 * math.tan(math.radians(3.0))
 DRAFTED = (40 - 50 * TAPER, 20 - 50 * TAPER)
-SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by hand
+SILHOUETTES = {  # solid, and the area above its tips by hand [mm2]; None: by its convex hull
     "mushroom": (mushroom(), 800),
     "mushroom upside down": (
         together(box((10, 5, 4), (30, 15, 10)), box((0, 0, 0), (40, 20, 4))),
@@ -92,12 +92,12 @@ SILHOUETTES["turned inside out"][0].invert()
 
 
 @pytest.mark.parametrize(("body", "mm2"), SILHOUETTES.values(), ids=SILHOUETTES)
-def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, body, mm2):
+def test_read_outline_is_the_silhouette_above_the_tips(tmp_path, body, mm2):
     result = read(solid(tmp_path, body), units="mm")
     low, high = body.bounds[:, 2]
     tips = low + tips_height_mm(high - low)
     if mm2 is None:
-        # Of a convex solid: the hull of the corners above, and of where the edges pass the tips.
+        # For a convex solid, the hull of the corners above the tips and of the edges at their height.
         corners = body.vertices[body.vertices[:, 2] >= tips, :2]
         every = np.concatenate([corners, crossings(body, tips)])
         mm2 = shapely.convex_hull(shapely.multipoints(every)).area
@@ -105,7 +105,7 @@ def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, body, mm2
 
 
 def crossings(body, height):
-    """Where the edges of a solid pass a height (n, 2)."""
+    """The points (n, 2) where the edges of a solid pass a height."""
     one, other = body.vertices[body.edges_unique].transpose(1, 0, 2)
     passes = (one[:, 2] - height) * (other[:, 2] - height) < 0.0
     one, other = one[passes], other[passes]
@@ -115,7 +115,7 @@ def crossings(body, height):
 
 @pytest.mark.parametrize("height", [6.0, 12.0, 40.0])
 @pytest.mark.parametrize("draft", [-3.0, 3.0])
-def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
+def test_read_drafted_part_has_the_greatest_width_above_the_tips(tmp_path, draft, height):
     loss = 2.0 * math.tan(math.radians(draft)) * height
     path = solid(tmp_path, frustum((40, 20), (40 - loss, 20 - loss), height))
     result = read(path, units="mm")
@@ -128,9 +128,9 @@ def opened(body, *missing):
     return trimesh.Trimesh(body.vertices, np.delete(body.faces, missing, axis=0), process=False)
 
 
-def test_a_surface_that_is_open_is_noted_where_the_outline_is_still_known(tmp_path):
+def test_read_surface_open_above_or_below_is_accepted_with_a_note(tmp_path):
     plain = box((0, 0, 0), (40, 20, 10))
-    for normal in ((0, 0, 1), (0, 0, -1)):  # a tray without a lid, or without a floor
+    for normal in ((0, 0, 1), (0, 0, -1)):  # without a top, or without a bottom
         missing = np.flatnonzero(plain.face_normals @ normal > 0.5)
         for some in (missing, missing[:1]):
             result = read(solid(tmp_path, opened(plain, *some)), units="mm")
@@ -138,14 +138,14 @@ def test_a_surface_that_is_open_is_noted_where_the_outline_is_still_known(tmp_pa
             assert "surface is not closed" in notes(result)
 
 
-def test_a_surface_that_is_open_where_the_fingers_meet_it_is_refused_with_the_place(tmp_path):
+def test_read_surface_open_at_the_tips_is_refused_with_the_place(tmp_path):
     plain = box((0, 0, 0), (40, 20, 10))
     missing = np.flatnonzero((plain.face_normals[:, [0, 2]] > 0.5).any(axis=1))
     path = solid(tmp_path, opened(plain, *missing))
     refused(path, r"hole in its surface near \(.*, 5\) mm", units="mm")
 
 
-def test_a_fine_mesh_is_read_in_its_time_and_a_slow_one_is_not_called_damaged(tmp_path):
+def test_read_fine_mesh_is_accepted_or_refused_as_slow_by_its_time_limit(tmp_path):
     path = solid(tmp_path, trimesh.creation.icosphere(subdivisions=5, radius=7))
     assert area(read(path, units="mm")) == pytest.approx(49 * math.pi, rel=4e-3)
     data = path.read_bytes()

@@ -1,4 +1,4 @@
-"""CSV files as outlines; the time limit; the order of a symmetric part."""
+"""Outlines from CSV files; limits of size and time for all importers."""
 
 import time
 
@@ -19,7 +19,7 @@ CSV = {
 
 
 @pytest.mark.parametrize(("text", "units", "scale"), CSV.values(), ids=CSV)
-def test_csv_outlines(tmp_path, text, units, scale):
+def test_read_csv_returns_the_outline_in_its_units(tmp_path, text, units, scale):
     path = tmp_path / "part.csv"
     path.write_text(text)
     result = read(path, units=units)
@@ -40,20 +40,20 @@ BAD_CSV = {
 
 
 @pytest.mark.parametrize(("data", "units", "error", "sentence"), BAD_CSV.values(), ids=BAD_CSV)
-def test_bad_csv_files_are_refused_in_a_sentence(tmp_path, data, units, error, sentence):
+def test_read_bad_csv_is_refused_with_the_reason(tmp_path, data, units, error, sentence):
     path = tmp_path / "part.csv"
     path.write_bytes(data)
     refused(path, sentence, error, units=units)
 
 
-def test_a_file_too_large_is_not_read(tmp_path):
+def test_read_file_too_large_is_refused(tmp_path):
     path = tmp_path / "large.svg"
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     refused(path, "larger than")
 
 
-def test_reading_ends_when_its_time_is_over():
+def test_time_limit_interrupts_slow_work_and_ends_with_its_block():
     with pytest.raises(InputError, match="longer than"), time_limit(0.05):
         time.sleep(20)
     with time_limit(0.2):

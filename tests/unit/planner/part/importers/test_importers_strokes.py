@@ -1,4 +1,4 @@
-"""Strokes of drawings that are short or end near each other: chains keep their shape, gaps are closed."""
+"""Strokes that are short or end near each other: chains keep their shape, and gaps are closed."""
 
 import math
 
@@ -12,14 +12,14 @@ FILLET_MM2 = PLATE_MM2 - (4 - math.pi)  # one corner of the plate with a fillet 
 
 
 def filleted(count, radius=2.0):
-    """The plate's outline as points, its fillet as `count` chords; and its area."""
+    """The plate's outline with one fillet of `count` chords, as points, and its area."""
     corner = arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count)
     points = [(0, 0), (40, 0), *corner, (0, 20)]
     return points, shapely.Polygon(points).area
 
 
 @pytest.mark.parametrize(("count", "noise_mm"), [(20, 1e-4), (200, 0.0), (1000, 1e-9)])
-def test_chain_of_strokes_shorter_than_the_tolerance_keeps_its_shape(tmp_path, count, noise_mm):
+def test_read_strokes_shorter_than_the_tolerance_keep_their_shape(tmp_path, count, noise_mm):
     points, right = filleted(count)
     noise = np.random.default_rng(count).uniform(-noise_mm, noise_mm, (2 * len(points), 2))
 
@@ -59,7 +59,7 @@ SHORT = (short_arc, short_polyline, short_spline, short_line_of_any_sense)
 
 
 @pytest.mark.parametrize("add", SHORT)
-def test_short_strokes_of_any_kind_are_a_chain(tmp_path, add):
+def test_read_short_strokes_of_any_kind_form_the_outline(tmp_path, add):
     points = arc((38, 18), 2.0, 0, math.pi / 2, 200)
 
     def draw(space, _):
@@ -87,7 +87,7 @@ GAPS = {
 
 
 @pytest.mark.parametrize("strokes", GAPS.values(), ids=GAPS)
-def test_narrow_gaps_are_closed(tmp_path, strokes):
+def test_read_narrow_gaps_are_closed(tmp_path, strokes):
     def draw(space, _):
         for ends in strokes:
             space.add_line(*ends)
@@ -97,7 +97,7 @@ def test_narrow_gaps_are_closed(tmp_path, strokes):
 
 @pytest.mark.parametrize("where_mm", [(12e3, -500), (-3.4e9, 5.8e9)])
 @pytest.mark.parametrize("turn", [0.0, 0.3])
-def test_noding_does_not_depend_on_where_the_drawing_lies(tmp_path, where_mm, turn):
+def test_read_shifted_and_turned_drawing_keeps_its_area_and_holes(tmp_path, where_mm, turn):
     points, right = filleted(200)
 
     def draw(space, _):

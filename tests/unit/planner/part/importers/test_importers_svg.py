@@ -1,4 +1,4 @@
-"""Odd, damaged and hostile SVG files: the right outline, or a sentence that says what to do."""
+"""Unusual, damaged and hostile SVG files: the right outline, or an error that states the remedy."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ SIZES = {
 
 
 @pytest.mark.parametrize(("size", "scale"), SIZES.values(), ids=SIZES)
-def test_physical_sizes_are_believed(tmp_path, size, scale):
+def test_read_physical_size_scales_the_outline(tmp_path, size, scale):
     is_rectangle(read(svg(tmp_path, RECT, size)), scale)
 
 
@@ -38,19 +38,19 @@ UNITLESS = {
 
 
 @pytest.mark.parametrize("size", UNITLESS.values(), ids=UNITLESS)
-def test_what_tells_no_scale_asks_for_units(tmp_path, size):
+def test_read_drawing_without_a_scale_asks_for_units(tmp_path, size):
     path = svg(tmp_path, RECT, size)
     refused(path, "--units mm, cm, in or m", UsageError)
     is_rectangle(read(path, units="mm"))
 
 
-def test_a_stretched_drawing_is_refused(tmp_path):
+def test_read_stretched_drawing_is_refused(tmp_path):
     size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
     refused(svg(tmp_path, RECT, size), "two different scales")
 
 
-def test_it_is_not_mirrored(tmp_path):
-    # Its right angle is at the upper left.
+def test_read_outline_is_not_mirrored(tmp_path):
+    # The right angle of the drawing is at the upper left.
     result = read(svg(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>'))
     top = result.outline_mm[:, 1].max()
     assert np.count_nonzero(np.isclose(result.outline_mm[:, 1], top)) == 2
@@ -69,7 +69,7 @@ def test_it_is_not_mirrored(tmp_path):
         '<line x1="0" y1="0" x2="30" y2="0"/><polyline points="30,0 30,21 0,21 0,0"/>',
     ],
 )
-def test_shapes_transforms_and_copies(tmp_path, body):
+def test_read_shapes_transforms_and_copies_return_the_rectangle(tmp_path, body):
     result = read(svg(tmp_path, body))
     assert area(result) == pytest.approx(630, rel=1e-5)
     assert outlines.min_width(result.outline_mm) == pytest.approx(21, rel=1e-5)
@@ -96,7 +96,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("before", "body", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, before, body, sentence):
+def test_read_hostile_or_wrong_file_is_refused_with_the_reason(tmp_path, before, body, sentence):
     refused(svg(tmp_path, body, before=before), sentence)
 
 
@@ -104,13 +104,13 @@ NO_SVG = [b"", b"<svg", b"<html></html>", b"\xff\xfe\x00", b"{}", b"<svg xmlns='
 
 
 @pytest.mark.parametrize("data", NO_SVG)
-def test_what_is_no_svg_is_refused(tmp_path, data):
+def test_read_bytes_that_are_no_svg_are_refused(tmp_path, data):
     path = tmp_path / "bad.svg"
     path.write_bytes(data)
     refused(path)
 
 
-def test_units_overrule_the_file_and_say_so(tmp_path):
+def test_read_stated_units_overrule_the_file_with_a_note(tmp_path):
     result = read(svg(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
     is_rectangle(result)
     assert "overruled" in notes(result)

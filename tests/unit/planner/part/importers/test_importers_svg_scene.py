@@ -1,4 +1,4 @@
-"""What an SVG drawing shows: hidden shapes, definitions, view boxes, units; malformed numbers."""
+"""What is visible in an SVG drawing, in which size: styles, definitions, view boxes, units, bad numbers."""
 
 import math
 import re
@@ -10,7 +10,8 @@ from runtime.shell.errors import ExpectedError
 
 L_AREA = 40 * 25 - 25 * 15
 L_PATH = "M5 5 H45 V15 H20 V30 H5 Z"
-JIG = '<rect width="90" height="70"/>'  # around the part: taken for it where it is not left out
+# A rectangle about the part, which is the outline unless it is left out.
+JIG = '<rect width="90" height="70"/>'
 USE = '<use href="#s" width="40" height="20"/>'
 PLATE = '<rect width="400" height="200"/>'
 
@@ -51,7 +52,7 @@ UNSEEN = {
 
 
 @pytest.mark.parametrize("body", UNSEEN.values(), ids=UNSEEN)
-def test_what_a_viewer_does_not_show_is_no_outline(tmp_path, body):
+def test_read_invisible_shape_is_left_out(tmp_path, body):
     result = read(svg(tmp_path, f'{body}<path d="{L_PATH}"/>'))
     assert area(result) == pytest.approx(L_AREA)
 
@@ -72,7 +73,7 @@ SEEN = {
 
 
 @pytest.mark.parametrize("body", SEEN.values(), ids=SEEN)
-def test_what_a_viewer_shows_is_the_outline(tmp_path, body):
+def test_read_visible_shape_is_the_outline(tmp_path, body):
     assert area(read(svg(tmp_path, body.format(L_PATH)))) == pytest.approx(L_AREA)
 
 
@@ -87,7 +88,7 @@ NOTED = {
     "another sheet": ('<style>@import "x.css";</style>', 'not read.*: @import "x.css"'),
     "wide stroke": (
         '<g transform="scale(2)"><path stroke-width="3" stroke="red" d="M9 4h1"/></g>',
-        "strokes up to 6 mm wide; the outline runs along their middle",
+        "strokes up to 6 mm wide",
     ),
     "text and pictures": ("<text>a</text><text>b</text><image/>", "ignored: 1 image, 2 text"),
     "a copy of nothing": (
@@ -98,7 +99,7 @@ NOTED = {
 
 
 @pytest.mark.parametrize(("body", "sentence"), NOTED.values(), ids=NOTED)
-def test_what_is_left_out_is_named(tmp_path, body, sentence):
+def test_read_left_out_or_uncertain_content_is_noted(tmp_path, body, sentence):
     result = read(svg(tmp_path, f'{body}<path d="{L_PATH}"/>'), contour=1)
     assert area(result) == pytest.approx(L_AREA)
     assert any(re.search(sentence, note) for note in result.notes)
@@ -108,7 +109,7 @@ def symbol(attributes, content=PLATE, box="0 0 400 200"):
     return f'<symbol id="s" viewBox="{box}" {attributes}>{content}</symbol>'
 
 
-VIEWED = {  # body, area by hand
+VIEWED = {  # body, and its area by hand [mm2]
     "use states the size": (symbol("") + USE, 800),
     "use overrules the symbol": (symbol('width="9" height="9"') + USE, 800),
     "meets the lesser side": (symbol("") + '<use href="#s" width="40" height="60"/>', 800),
@@ -133,7 +134,7 @@ VIEWED = {  # body, area by hand
 
 
 @pytest.mark.parametrize(("body", "mm2"), VIEWED.values(), ids=VIEWED)
-def test_view_boxes_and_transforms_scale_what_they_hold(tmp_path, body, mm2):
+def test_read_view_boxes_and_transforms_scale_their_content(tmp_path, body, mm2):
     assert area(read(svg(tmp_path, body))) == pytest.approx(mm2, rel=2e-3)
 
 
@@ -149,7 +150,7 @@ UNITS = {
 
 @pytest.mark.parametrize("size", ['width="100mm" height="80mm"', "", MM, 'viewBox="0 0 400 320"'])
 @pytest.mark.parametrize(("body", "mm2"), UNITS.values(), ids=UNITS)
-def test_a_length_with_a_unit_is_that_long_whatever_the_user_unit(tmp_path, body, mm2, size):
+def test_read_length_with_a_unit_does_not_depend_on_the_user_unit(tmp_path, body, mm2, size):
     path = svg(tmp_path, body, size)
     for units in ("mm", "in"):
         assert area(read(path, units=units, tolerance_mm=0.005)) == pytest.approx(mm2, rel=2e-3)
@@ -177,17 +178,17 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("body", MALFORMED.values(), ids=MALFORMED)
-def test_a_malformed_number_is_refused_with_its_element(tmp_path, body):
+def test_read_malformed_number_is_refused_with_its_element(tmp_path, body):
     refused(svg(tmp_path, body), r"part\.svg: <\w+>.*correct it in the drawing")
 
 
 @pytest.mark.parametrize("size", ['width="1.1.1mm" viewBox="0 0 100 80"', 'width="100x"'])
-def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
+def test_read_malformed_size_of_the_drawing_is_refused(tmp_path, size):
     path = svg(tmp_path, f'<path d="{L_PATH}"/>', size)
     for units in (None, "mm"):
         refused(path, r'<svg>: width="1.*" is no length', ExpectedError, units=units)
 
 
-def test_a_share_of_an_unknown_size_is_refused(tmp_path):
+def test_read_percentage_of_an_unknown_size_is_refused(tmp_path):
     path = svg(tmp_path, '<rect width="50%" height="20"/>', "")
     refused(path, "size that the file does not state", units="mm")
