@@ -17,8 +17,8 @@ from runtime.devices import lock as locks
 from runtime.devices.lock import PortLock
 from runtime.shell.errors import UnreachableError
 
-PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machine's, not a test's
-# Takes the lock again and again; while it has it, nobody else may be able to make the file `alone`.
+PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks hold for the whole machine
+# Takes the lock again and again; two owners at once would collide at the file `alone`.
 CONTENDER = """
 import os, sys, time
 from pathlib import Path
@@ -132,7 +132,7 @@ HOST = f"192.0.2.{os.getpid() % 250}"
     ("port", "same"),
     [
         ("ur://{}", "ur://{}:30004"),
-        ("ur://{}?reach=850", "ur://{}:30002"),  # where its programs go
+        ("ur://{}?reach=850", "ur://{}:30002"),  # the port for its programs
         ("ur://{}:40004", "ur://{}:40002"),
         ("urcap://{}", "urcap://{}:63352"),
         ("urcap://{}", "rtu+tcp://{}:54321"),  # the same tool connector, forwarded

@@ -119,7 +119,7 @@ def test_journal_segment_with_lost_records_is_refused(tmp_path, name, how):
     lines = lost.read_bytes().splitlines(keepends=True)
     kept = {"empty": [], "first line missing": lines[1:], "last line missing": lines[:-1]}.get(how)
     lost.unlink() if kept is None else lost.write_bytes(b"".join(kept))
-    if (name, how) != ("j.jsonl", "last line missing"):  # the one that is a run that broke off
+    if (name, how) != ("j.jsonl", "last line missing"):  # that one is a run that broke off
         with pytest.raises(JournalError):
             verify(path)
         # A start checks only the number of sealed segments and the seal of the last one.
@@ -136,7 +136,7 @@ def test_journal_path_of_sealed_segment_is_refused(tmp_path):
 
 
 class KilledError(BaseException):
-    """The process is killed."""
+    """Stands for the kill of the process."""
 
 
 def test_journal_of_process_killed_while_sealing_stays_valid(tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ GOOD = replace(PartResult.of(1, Outcome.LEAF, [FIRST], None), seconds=5.0)
 
 
 class Clock(SystemClock):
-    """A clock that stands where a test puts it."""
+    """A clock whose hour a test sets."""
 
     hour = 13
 

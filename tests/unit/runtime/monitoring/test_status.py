@@ -12,20 +12,19 @@ from pathlib import Path
 import pytest
 from fake_cell import Deaf
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.monitor import Monitor, Views, notify
-from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
-from runtime.table import TableFile, dump, load
+from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
 
 
 def fed() -> Status:
-    loaded = TableFile(small_table(), b"", "ab" * 32)
-    status = Status("small.msgpack", loaded, Shift(CHANGES, None))
+    status = status_of(small_table(), "small.msgpack")
     status.phase(1, Phase.SQUEEZE, 0)
     status.step(STEP)
     status.part(replace(PartResult.of(1, Outcome.LEAF, [STEP], None), audit="pass"))

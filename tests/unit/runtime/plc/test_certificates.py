@@ -31,7 +31,7 @@ def copied(server: Path, folder: Path) -> Path:
     return folder
 
 
-def test_identity_in_is_stable_and_key_is_owner_only(server):
+def test_identity_in_returns_same_certificate_and_owner_only_key(server):
     first, again = identity_in(server), identity_in(server)
     assert again.certificate == first.certificate
     assert first.uri.startswith("urn:")
@@ -76,7 +76,7 @@ def test_trust_first_client_is_pinned(clients, tmp_path):
     assert later.admits(first)
 
 
-def test_trust_folder_admits_its_certificates_and_pins_none(clients, tmp_path):
+def test_trust_folder_admits_its_certificates_and_pins_no_client(clients, tmp_path):
     first, second = (path.read_bytes() for path in clients)
     (tmp_path / "a.der").write_bytes(first)
     (tmp_path / "notes.txt").write_text("of the line")

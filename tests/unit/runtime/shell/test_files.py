@@ -43,7 +43,7 @@ def test_quoted_name_is_one_shell_word_and_no_option(name):
 @pytest.mark.parametrize(
     "error", [OSError(28, "disk full"), ValueError("bug"), KeyboardInterrupt("stop")]
 )
-def test_writing_interrupted_keeps_old_file_and_no_draft(tmp_path, error):
+def test_writing_interrupted_keeps_old_file_and_leaves_no_draft(tmp_path, error):
     def break_off():
         with writing(path) as draft:
             draft.write_text("half")

@@ -74,23 +74,36 @@ def test_load_key_of_another_kind_is_refused_by_name(tmp_path, key, words):
         keys.load_public(public)
 
 
-def test_load_invalid_key_file_is_refused(tmp_path):
+def test_load_private_key_with_passphrase_is_refused(tmp_path):
     result = ed25519.Ed25519PrivateKey.generate()
     locked = result.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
     with pytest.raises(InputError, match="passphrase"):
         keys.load_private(_write(tmp_path / "locked", locked))
+
+
+def test_load_other_half_of_key_pair_is_refused(tmp_path):
     keys.generate(tmp_path / "k")
     with pytest.raises(InputError, match="holds a public key; name the private one"):
         keys.load_private(tmp_path / "k.pub")
     with pytest.raises(InputError, match=r"holds a private key; name the public one, k\.pub"):
         keys.load_public(tmp_path / "k")
-    for data in (b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"):
-        with pytest.raises(InputError, match="no public key"):
-            keys.load_public(_write(tmp_path / "odd", data))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"],
+    ids=["empty", "zeros", "short"],
+)
+def test_load_public_data_without_key_is_refused(tmp_path, data):
+    with pytest.raises(InputError, match="no public key"):
+        keys.load_public(_write(tmp_path / "odd", data))
+
+
+@pytest.mark.parametrize("name", ["none", "", "pipe"], ids=["missing", "folder", "pipe"])
+def test_load_public_unreadable_path_is_refused(tmp_path, name):
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "none", tmp_path, tmp_path / "pipe"):
-        with pytest.raises(InputError, match="cannot be read"):
-            keys.load_public(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        keys.load_public(tmp_path / name)
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")

@@ -143,7 +143,7 @@ def test_dumps_outline_of_9999_points_is_refused_quickly():
         (replace(TABLE, job=None), "the table carries no job: its heights, limits and poses were"),
     ],
 )
-def test_check_prints_what_was_compared_with_job(table, said, tmp_path, capsys):
+def test_check_prints_whether_table_was_compared_with_job(table, said, tmp_path, capsys):
     dump(table, tmp_path / "table.msgpack")
     assert main(["--tree", str(tmp_path / "table.msgpack"), "--check"]) == 0
     out = capsys.readouterr().out

@@ -45,10 +45,10 @@ def test_refuted_many_leaves_keeps_total_error_at_level(trials):
 
 
 def test_refuted_probability_underflow_does_not_refute():
-    """0.5 to the 2000th power is no float: every single success would seem impossible."""
+    """0.5 ** 2000 underflows to 0, so that every number of successes would seem impossible."""
     assert not refuted(1_000, 2_000, 0.5)
     assert refuted(900, 2_000, 0.5)
-    assert not refuted(700, 700, 0.37)  # exp(-696) is still one
+    assert not refuted(700, 700, 0.37)  # exp(-696) is still a float
     assert not refuted(260, 701, 0.37)
 
 

@@ -11,7 +11,7 @@ LINE = Calibration(GRIPPER.profile)
 @pytest.mark.parametrize(
     "table", [small_table(), every_field_table(), random_table(1, 40), random_table(2, 100)]
 )
-def test_misfits_of_valid_table_on_default_line_are_none(table):
+def test_misfits_of_valid_table_on_default_line_is_empty(table):
     assert misfits(table, LINE) == []
 
 

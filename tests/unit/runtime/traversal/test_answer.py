@@ -29,7 +29,7 @@ def test_fields_of_turned_plan_give_pose_of_part() -> None:
     assert result["datum"] == {"x_mm": -2.5, "y_mm": 1.0, "angle_deg": 180.0}
 
 
-def test_fields_of_several_parts_are_in_frames_of_each():
+def test_fields_of_several_parts_use_frames_of_located_part():
     table = with_parts(several_table())
     one, other = (fields(table, at(leaf), frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")

@@ -10,12 +10,10 @@ import urllib.request
 import pytest
 from programs import until
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.monitoring.live import page, server
 from runtime.monitoring.live.server import MOST_CLIENTS, Address, PageServer
-from runtime.monitoring.shift import CHANGES, Shift
-from runtime.monitoring.status import Status
-from runtime.table import TableFile
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000
@@ -24,9 +22,8 @@ WAIT_S = 20
 
 @pytest.fixture
 def serving():
-    loaded = TableFile(small_table(), b"", "ab" * 32)
-    status = Status("small.msgpack", loaded, Shift(CHANGES, None))
-    result = page.pages(loaded.table, "small.msgpack", status)
+    table = small_table()
+    result = page.pages(table, "small.msgpack", status_of(table, "small.msgpack"))
     with PageServer(FREE, {**result, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
 

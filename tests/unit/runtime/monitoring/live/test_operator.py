@@ -7,14 +7,13 @@ from browser import LEGIBLE, NEEDED, played
 from fake_cell import Deaf
 from html_pages import Page
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.live import operator, page
 from runtime.monitoring.monitor import Monitor, Views, ended
-from runtime.monitoring.shift import CHANGES, Shift
-from runtime.monitoring.status import Status
 from runtime.pages import frame
-from runtime.table import TableFile, dump, load
+from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = small_table()
@@ -24,7 +23,7 @@ EVIL = '<img src=x onerror="alert(1)">Prüfling\'s "Ä" & more'
 
 
 def status():
-    return Status(EVIL, TableFile(TABLE, b"", "ab" * 32), Shift(CHANGES, 6.0))
+    return status_of(TABLE, EVIL, 6.0)
 
 
 def shown(status):

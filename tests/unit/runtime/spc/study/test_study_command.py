@@ -147,11 +147,18 @@ def test_study_crossed_takes_journals_as_appraisers(tmp_path, capsys):
     assert output(capsys)["crossed"]["width_mm"] == width
     assert main(*bare, "--crossed", 10, "-o", tmp_path / "t.html") == 2
     assert "no audited part" in one_line(capsys)
-    for words in (["--crossed", 7], ["--crossed", 30], ["--crossed", 1]):
-        assert main(*paths, *words) == 2
-        assert f"--crossed {words[1]}" in one_line(capsys)
-    assert main(paths[0], "--crossed", 10) == 2
-    assert "at least two of each" in one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("cells", "parts", "says"),
+    [
+        *((3, parts, f"--crossed {parts}") for parts in (7, 30, 1)),
+        (1, 10, "at least two of each"),
+    ],
+)
+def test_study_crossed_unbalanced_journals_are_refused(tmp_path, capsys, cells, parts, says):
+    assert main(*crossed_journals(tmp_path)[:cells], "--crossed", parts) == 2
+    assert says in one_line(capsys)
 
 
 def measured(path, change=lambda rows: rows):
@@ -236,7 +243,7 @@ def test_study_bad_input_prints_one_line(healthy, tmp_path, capsys, words, code,
     }
     paths["broken"].write_bytes(paths["broken"].read_bytes().replace(b'"pass"', b'"Pass"', 1))
     given = [word.format(**paths) for word in words]
-    with pytest.raises(SystemExit) as ended:  # as of argparse
+    with pytest.raises(SystemExit) as ended:  # as argparse does
         raise SystemExit(main(*given))
     assert ended.value.code == code
     assert says in one_line(capsys)
