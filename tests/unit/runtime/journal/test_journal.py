@@ -29,8 +29,12 @@ def written(path: Path, *, closed: bool = True) -> Path:
     return path
 
 
-def test_journal_complete_run_verifies_and_returns_records_and_table(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+@pytest.fixture
+def path(tmp_path):
+    return written(tmp_path / "j.jsonl")
+
+
+def test_journal_complete_run_verifies_and_returns_records_and_table(path):
     seen = verify(path)
     assert (seen.records, seen.runs, seen.closed) == (3, 1, True)
     assert base64.b64decode(next(records(path))["table_base64"]) == TABLE
@@ -39,8 +43,7 @@ def test_journal_complete_run_verifies_and_returns_records_and_table(tmp_path):
     assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == kinds
 
 
-def test_verify_changed_byte_is_reported_in_its_line_or_next(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_verify_changed_byte_is_reported_in_its_line_or_next(path):
     data = path.read_bytes()
     starts = [0, *(at + 1 for at, byte in enumerate(data) if byte == ord("\n"))]
     for at in range(len(data)):
@@ -53,8 +56,7 @@ def test_verify_changed_byte_is_reported_in_its_line_or_next(tmp_path):
         assert refused.value.line in (line, line + 1)
 
 
-def test_journal_with_torn_header_starts_anew(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_with_torn_header_starts_anew(path):
     path.write_bytes(path.read_bytes()[:100])
     with Journal(path, STAMP) as journal:
         assert (journal.cut_bytes, path.read_bytes()) == (100, b"")
@@ -125,8 +127,7 @@ def test_record_interrupted_at_any_step_leaves_valid_journal(tmp_path):
     assert interrupted > 100
 
 
-def test_journal_second_run_continues_chain(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_second_run_continues_chain(path):
     before = path.read_bytes()
     written(path, closed=False)
     assert path.read_bytes().startswith(before)
@@ -134,8 +135,7 @@ def test_journal_second_run_continues_chain(tmp_path):
     assert (seen.records, seen.runs, seen.closed) == (5, 2, False)
 
 
-def test_verify_record_outside_run_is_refused(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_verify_record_outside_run_is_refused(path):
     with Journal(path, STAMP) as journal:
         journal.record("squeeze", {"part": 2})
     with pytest.raises(JournalError, match="line 4: does not belong to a run"):
@@ -175,8 +175,7 @@ def test_journal_foreign_file_is_refused_and_unchanged(tmp_path, content):
 
 
 @pytest.mark.parametrize("tail", [b"notes", b'{"seq":4,"time":"', b'{"seq":3,"tome":"', b"\n{"])
-def test_journal_foreign_tail_is_refused_and_unchanged(tmp_path, tail):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_foreign_tail_is_refused_and_unchanged(path, tail):
     path.write_bytes(content := path.read_bytes() + tail)
     for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
         with pytest.raises(JournalError, match="line 4"):
@@ -187,8 +186,7 @@ def test_journal_foreign_tail_is_refused_and_unchanged(tmp_path, tail):
 @pytest.mark.parametrize(
     "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"2', b'{"seq":3,\0\0\0', b"\0\0"]
 )
-def test_journal_torn_last_record_is_cut_off(tmp_path, tail):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_torn_last_record_is_cut_off(path, tail):
     whole = path.read_bytes()
     path.write_bytes(whole + tail)
     with pytest.raises(JournalError, match="line 4: cut short"):

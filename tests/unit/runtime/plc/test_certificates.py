@@ -1,7 +1,6 @@
 """The server's certificate, and the clients that it admits."""
 
 import stat
-from pathlib import Path
 
 import pytest
 from refusals import refused_in_a_line
@@ -24,11 +23,12 @@ def server(tmp_path_factory):
     return folder
 
 
-def copied(server: Path, folder: Path) -> Path:
+@pytest.fixture
+def copied(server, tmp_path):
     for name in (KEY, CERTIFICATE):
-        (folder / name).write_bytes((server / name).read_bytes())
-        (folder / name).chmod(0o600)
-    return folder
+        (tmp_path / name).write_bytes((server / name).read_bytes())
+        (tmp_path / name).chmod(0o600)
+    return tmp_path
 
 
 def test_identity_in_returns_same_certificate_and_owner_only_key(server):
@@ -40,28 +40,25 @@ def test_identity_in_returns_same_certificate_and_owner_only_key(server):
 
 @pytest.mark.parametrize("name", [KEY, CERTIFICATE])
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_identity_in_damaged_or_missing_file_is_refused_by_name(name, content, server, tmp_path):
-    folder = copied(server, tmp_path)
+def test_identity_in_damaged_or_missing_file_is_refused_by_name(name, content, copied):
     if content is None:
-        (folder / name).unlink()
+        (copied / name).unlink()
     else:
-        (folder / name).write_bytes(content)
+        (copied / name).write_bytes(content)
     with refused_in_a_line(InputError, name):
-        identity_in(folder)
+        identity_in(copied)
 
 
-def test_identity_in_key_of_another_certificate_is_refused(server, clients, tmp_path):
-    folder = copied(server, tmp_path)
-    (folder / CERTIFICATE).write_bytes(clients[0].read_bytes())
+def test_identity_in_key_of_another_certificate_is_refused(copied, clients):
+    (copied / CERTIFICATE).write_bytes(clients[0].read_bytes())
     with pytest.raises(InputError, match="not the key"):
-        identity_in(folder)
+        identity_in(copied)
 
 
-def test_identity_in_key_readable_by_others_is_refused(server, tmp_path):
-    folder = copied(server, tmp_path)
-    (folder / KEY).chmod(0o644)
+def test_identity_in_key_readable_by_others_is_refused(copied):
+    (copied / KEY).chmod(0o644)
     with pytest.raises(InputError, match="chmod 600"):
-        identity_in(folder)
+        identity_in(copied)
 
 
 def test_trust_first_client_is_pinned(clients, tmp_path):

@@ -61,7 +61,7 @@ def _write(path, data):
 
 
 KINDS = [(rsa.generate_private_key(65537, 1024), "an RSA key")]
-KINDS += [(ec.generate_private_key(ec.SECP256R1()), "key")]
+KINDS += [(ec.generate_private_key(ec.SECP256R1()), "an EC key")]
 
 
 @pytest.mark.parametrize(("key", "words"), KINDS)

@@ -32,12 +32,12 @@ def framed(payload: bytes, version: object = FORMAT) -> bytes:
 
 
 def sections_of(table: Table) -> list[list[object]]:
-    """The sections of a table's file."""
+
     return list(msgpack.unpackb(msgpack.unpackb(dumps(table))[3]))
 
 
 def with_sections(sections: list[list[object]]) -> bytes:
-    """A file of these sections."""
+
     return framed(bytes(msgpack.packb(sections)))
 
 
