@@ -43,3 +43,7 @@ def meeting(stop: int) -> FakeCell:
 
 def jaw_moves(rig: FakeCell) -> list[tuple]:
     return [call.arguments for call in rig.log.named("move")]
+
+
+def arm_moves(rig: FakeCell) -> list[tuple]:
+    return [call.arguments for call in rig.log.named("move_linear")]

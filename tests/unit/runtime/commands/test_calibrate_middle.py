@@ -1,4 +1,4 @@
-"""`grasp-calibrate middle` stopped at any moment: what may be held is held fast, and never lifted."""
+"""`grasp-calibrate middle` stopped at any moment: a fixed block that may be held is never lifted."""
 
 from types import SimpleNamespace
 
@@ -18,7 +18,7 @@ MOVING = ("move", "wait", "move_linear")
 
 
 class Interrupted:
-    """A device whose call with a number, of those that move something, ends in a stop request."""
+    """A device whose moving call number `at` ends in a stop request."""
 
     def __init__(self, device: object, log: list[str], at: int) -> None:
         self._device, self._log, self._at = device, log, at
@@ -39,7 +39,7 @@ class Interrupted:
 
 
 def drivers(cell: VirtualCell, log: list[str], at: int) -> SimpleNamespace:
-    """Those of a cell, interrupted at a call."""
+    """Drivers of a cell whose moving call number `at` is interrupted."""
     return SimpleNamespace(
         gripper=lambda port, profile: Interrupted(cell.gripper(), log, at),
         arm=lambda port: Interrupted(cell.arm(), log, at),

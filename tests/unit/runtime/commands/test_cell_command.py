@@ -1,4 +1,4 @@
-"""Which devices a run connects to, and locks."""
+"""The devices that a run connects to and locks."""
 
 from contextlib import ExitStack
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ from runtime.shell.errors import UnreachableError
         ("manual", "ur://192.0.2.10:30004"),
     ],
 )
-def test_connect_of_documented_ur_commands_holds_both_devices(gripper, arm):
+def test_connect_documented_ur_commands_lock_both_devices(gripper, arm):
     rig = fake_cell([])
     drivers = SimpleNamespace(gripper=lambda *_, **__: rig.gripper, arm=lambda *_, **__: rig.arm)
     parsed = arguments.parser().parse_args(["--tree", "t", "--port", gripper, "--arm", arm])

@@ -1,4 +1,4 @@
-"""`grasp-doctor`: each thing that can be wrong is found, said in a sentence, with what to do."""
+"""`grasp-doctor` reports each fault in a sentence with its remedy."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def only(result) -> Finding:
     return finding
 
 
-def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
+def test_check_port_missing_names_existing_ports(tmp_path):
     folder = tmp_path / "dev"
     folder.mkdir()
     for name in ("ttyUSB3", "ttyACM0", "ttyS0"):
@@ -44,7 +44,7 @@ def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
     assert "ttyS0" not in result.sentence
 
 
-def test_check_port_one_may_not_open_names_the_group(monkeypatch):
+def test_check_port_without_permission_names_group(monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     result = only(doctor.check_port("/dev/null"))
     assert "may not open" in result.sentence
@@ -53,7 +53,7 @@ def test_check_port_one_may_not_open_names_the_group(monkeypatch):
     assert "dialout" in only(doctor.check_port("/dev/null")).remedy
 
 
-def test_who_holds_a_port_is_named(tmp_path):
+def test_check_port_in_use_names_process(tmp_path):
     assert verdicts(doctor.check_port("/dev/null", tmp_path)) == [Verdict.GOOD] * 2
     folder = tmp_path / "proc"
     for pid, target in (
@@ -75,7 +75,7 @@ def test_who_holds_a_port_is_named(tmp_path):
     ("value", "verdict", "message"),
     [("16\n", Verdict.WARNING, "16 ms"), ("1\n", Verdict.GOOD, "1 ms"), ("?", Verdict.GOOD, "no")],
 )
-def test_the_latency_timer(tmp_path, value, verdict, message):
+def test_check_latency_warns_of_slow_timer(tmp_path, value, verdict, message):
     timer = tmp_path / "sys" / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
     timer.parent.mkdir(parents=True)
     timer.write_text(value)
@@ -92,7 +92,7 @@ def test_the_latency_timer(tmp_path, value, verdict, message):
         ([(9, 115200)], Verdict.WARNING, "answers now"),
     ],
 )
-def test_check_silence_looks_for_the_gripper(heard, verdict, message):
+def test_check_silence_reports_slaves_that_answer(heard, verdict, message):
     slaves = [SimpleNamespace(unit=unit, baud=baud) for unit, baud in heard]
     result = only(doctor.check_silence("p", lambda port: iter(slaves)))
     assert result.verdict is verdict
@@ -100,23 +100,30 @@ def test_check_silence_looks_for_the_gripper(heard, verdict, message):
     assert result.remedy
 
 
-def test_check_gripper_reads_and_judges_its_state():
-    verdict = {State(): "GOOD", State(activated=False): "WARNING", State(fault=0x0E): "BAD"}
-    for state, name in verdict.items():
-        rig = fake_cell([])
-        rig.gripper.now = state
-        assert only(doctor.check_gripper(rig.gripper)).verdict is Verdict[name]
-        assert {call.name for call in rig.log.calls} == {"state"}
+@pytest.mark.parametrize(
+    ("state", "verdict"),
+    [
+        (State(), Verdict.GOOD),
+        (State(activated=False), Verdict.WARNING),
+        (State(fault=0x0E), Verdict.BAD),
+    ],
+    ids=["ready", "not activated", "fault"],
+)
+def test_check_gripper_judges_state_by_reading_only(state, verdict):
+    rig = fake_cell([])
+    rig.gripper.now = state
+    assert only(doctor.check_gripper(rig.gripper)).verdict is verdict
+    assert {call.name for call in rig.log.calls} == {"state"}
 
 
-def test_check_table_that_does_not_fit_is_reported():
+def test_check_table_misfit_is_reported():
     assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
     narrow = Calibration(GRIPPER.profile, ((0, 0), (60_000, 60_000)))
     assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
 
 
 class Drivers:
-    """Hands out fakes, or fails."""
+    """Drivers that return fakes or raise an error."""
 
     def __init__(self, error: Exception | None = None) -> None:
         self.rig, self.error = fake_cell([]), error
@@ -135,7 +142,7 @@ def ran(words: str, drivers: Drivers) -> int:
     return run(parser().parse_args(words.split()), drivers)
 
 
-def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
+def test_doctor_prints_findings_and_fails_if_one_is_bad(tmp_path, capsys):
     tree = tmp_path / "t.msgpack"
     dump(small_table(), tree)
     assert ran(f"--port tcp://doctor:1 --tree {tree}", Drivers()) == 0
@@ -152,13 +159,13 @@ def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("make", ["{}", "dh://{}", "schunk://{}?unit=12"])
-def test_serial_port_of_any_make_is_looked_at_before_it_is_opened(make, capsys):
+def test_doctor_serial_port_of_any_make_is_checked_before_opening(make, capsys):
     with pytest.raises(CheckFailedError):
         ran(f"--port {make.format('/dev/ttyUSB7')}", Drivers(AssertionError("opened")))
     assert "BAD  Port /dev/ttyUSB7 does not exist" in capsys.readouterr().out
 
 
-def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
+def test_doctor_gripper_of_another_model_is_not_called_silent(capsys):
     error = OSError("it opens to 120 mm, a dh-ag95 to 95 mm; correct the model, or the port")
     with pytest.raises(CheckFailedError):
         ran("--port schunk://doctor:1 --gripper dh-ag95", Drivers(error))
@@ -166,8 +173,8 @@ def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
     assert line in capsys.readouterr().out
 
 
-def test_check_port_of_a_simulated_cell_is_held_by_the_cell_alone():
-    """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
+def test_check_port_of_simulated_cell_may_be_held_by_cell_only():
+    """grasp-cell and a terminal program that was left open are separate processes."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
     holder = (
         "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print(flush=True); input()"

@@ -1,4 +1,4 @@
-"""`grasp-journal`: records shown, filtered, verified, replayed, exported; damage and forgery are 24."""
+"""`grasp-journal` shows, filters, verifies, replays and exports records; damage and forgery exit with 24."""
 
 import csv
 import json
@@ -19,13 +19,13 @@ def journal(tmp_path):
 
 
 def lines(*words: object) -> list[str]:
-    """What the command prints; it ends with 0."""
+    """The lines that the command prints; it must exit with 0."""
     ended = called(main, *words)
     assert ended.code == 0, ended
     return ended.out.splitlines()
 
 
-def test_verify_counts_and_names_the_damaged_line(journal):
+def test_verify_counts_records_and_names_damaged_line(journal):
     (output,) = lines("verify", journal)
     assert "records in 2 runs verify; the last run ended" in output
     assert document(main, "verify", journal, "--json")["closed"] is True
@@ -41,7 +41,7 @@ def test_replay_derives_every_decision(journal):
     assert document(main, "replay", journal, "--json") == {"decisions": 12, "findings": []}
 
 
-def test_replay_of_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path):
+def test_replay_forged_decision_with_valid_chain_exits_24(journal, tmp_path):
     forged = tmp_path / "forged.jsonl"
     with Journal(forged, SystemClock().stamp) as writing:
         for entry in records(journal):
@@ -76,7 +76,7 @@ def test_show_times_adds_up_the_phases(journal):
     assert called(main, "show", journal, "--takt", "6s").code == 2
 
 
-def test_export_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path):
+def test_export_has_one_row_per_squeeze_with_outcome_of_part(journal, tmp_path):
     out = tmp_path / "out.csv"
     assert "12 squeezes written" in lines("export", journal, "-o", out)[0]
     with out.open() as file:
@@ -91,7 +91,7 @@ def test_export_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path):
         assert float(row["reading_mm"]) == entry["reading_um"] / 1000
 
 
-def test_export_of_a_part_that_broke_off_has_no_end(journal, tmp_path):
+def test_export_of_unfinished_part_has_empty_outcome(journal, tmp_path):
     kept = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(kept[:4]))
     out = tmp_path / "out.csv"

@@ -1,4 +1,4 @@
-"""A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
+"""A PLC as master of a run: options that contradict it, and how each end of a part reaches the PLC."""
 
 import json
 import os
@@ -36,7 +36,7 @@ PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch):
-    """A run waits for its PLC, which hangs up at the end, however slow it is."""
+    """A run waits long enough for a slow PLC, which closes its connection at the end."""
     for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
         monkeypatch.setattr(plc, name, 30.0)
 
@@ -59,12 +59,12 @@ def _patient(monkeypatch):
         *((f"--tree u {more}", "leave it out") for more in ("--http 0", "--audit see")),
     ],
 )
-def test_command_line_that_leaves_the_plc_nothing_to_do_is_refused(words, said):
+def test_check_usage_options_contradicting_plc_are_refused(words, said):
     with pytest.raises(UsageError, match=said):
         options.check_usage(parser().parse_args([*PLC, *words.split()]))
 
 
-def test_map_is_printed_without_a_table_and_starts_nothing(capsys):
+def test_plc_map_is_printed_without_table(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "json"])
     assert ended.value.code == 0
@@ -75,7 +75,7 @@ def test_map_is_printed_without_a_table_and_starts_nothing(capsys):
 
 
 class Running:
-    """A run on a cell in memory, in the main thread; the PLC's program is in another one."""
+    """A run on a cell in memory in the main thread; the PLC's program runs in another thread."""
 
     def __init__(
         self, folder: Path, rig: FakeCell, *trees: Path, count=None, journal=Journal
@@ -93,7 +93,7 @@ class Running:
         self.raised: BaseException | None = None
 
     def kept(self) -> list[dict[str, object]]:
-        """The records of the journal, which is whole and follows from its counts."""
+        """The records of the journal, which must verify and replay without findings."""
         kept = list(records(self.journal.path))
         assert list(Replay().follow(kept)) == []
         return kept
@@ -131,7 +131,7 @@ def tree(tmp_path):
     return tmp_path / "t.msgpack"
 
 
-def test_parts_have_the_code_of_their_outcome_and_only_a_located_one_a_pose(tmp_path, tree, capsys):
+def test_plc_run_part_reports_outcome_code_and_pose_if_located(tmp_path, tree, capsys):
     results = []
 
     def program(client):
@@ -150,14 +150,14 @@ def test_parts_have_the_code_of_their_outcome_and_only_a_located_one_a_pose(tmp_
     assert triggers == [5, 5, 65535]
 
 
-def test_connection_before_the_run_begins_is_refused_so_that_no_trigger_waits(tmp_path, tree):
+def test_plc_run_connection_before_start_is_refused(tmp_path, tree):
     running = Running(tmp_path, fake_cell([AT_21]), tree, count=1)
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", running.port), 1.0)
     assert running.run(lambda client: (client.enable(), client.part(1))) == 0
 
 
-def test_nothing_is_moved_before_enabling(tmp_path, tree):
+def test_plc_run_before_enable_moves_nothing(tmp_path, tree):
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
 
@@ -175,7 +175,7 @@ def test_nothing_is_moved_before_enabling(tmp_path, tree):
 
 
 def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc], None]:
-    """A PLC that takes a trigger back before the part moves, and then has another one located."""
+    """A PLC that withdraws enable before the part moves, and then has another part located."""
 
     def program(client: TcpPlc) -> None:
         client.enable()
@@ -191,7 +191,7 @@ def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc],
     return program
 
 
-def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path, tree):
+def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree):
     rig, triggered = fake_cell([AT_21]), threading.Event()
     rig.gripper.now = State(activated=False)
     sweep = rig.gripper.activate
@@ -208,20 +208,20 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path
     assert [(each["trigger_id"], each["part"]) for each in triggers] == [(6, None), (7, 1)]
 
 
-def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(tmp_path, tree, monkeypatch):
-    """A busy controller: trigger and withdrawal are both there when the run first looks."""
+def test_plc_run_enable_withdrawn_before_first_look_ends_part(tmp_path, tree, monkeypatch):
+    """On a busy controller both trigger and withdrawal have arrived when the run first looks."""
     rig, withdrawn, note = fake_cell([AT_21]), threading.Event(), plc.ForPlc.note
 
     def late(monitor, sentence):
         note(monitor, sentence)
         withdrawn.wait(30)
 
-    monkeypatch.setattr(plc.ForPlc, "note", late)  # that a PLC may connect, the first of them
+    monkeypatch.setattr(plc.ForPlc, "note", late)  # the first note says that a PLC may connect
 
     assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, withdrawn)) == 0
 
 
-def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path, tree, monkeypatch):
+def test_plc_run_fault_is_result_that_stays_until_acknowledged(tmp_path, tree, monkeypatch):
     monkeypatch.setattr(plc, "FAREWELL_S", 0.1)
 
     def program(client):
@@ -243,7 +243,7 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path, tree
     assert running.kept()[-1]["exit_code"] == 21
 
 
-def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path, tree):
+def test_plc_run_journal_error_is_fault_of_part_under_way(tmp_path, tree):
     def program(client):
         client.enable()
         client.begin(4)
@@ -261,7 +261,7 @@ def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path,
     assert rig.log.named("move_linear") == []
 
 
-def test_stop_request_between_parts_ends_the_run_at_once(tmp_path, tree):
+def test_plc_run_stop_between_parts_ends_run(tmp_path, tree):
     def program(client):
         client.enable()
         client.part(1)
@@ -274,7 +274,7 @@ def test_stop_request_between_parts_ends_the_run_at_once(tmp_path, tree):
     assert (end["kind"], end["parts"], end["exit_code"]) == ("end", 1, 40)
 
 
-def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path, tree):
+def test_plc_run_stop_ends_wait_for_acknowledge(tmp_path, tree):
     def program(client):
         client.enable()
         client.begin(1)
@@ -284,7 +284,7 @@ def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path, tree):
     assert Running(tmp_path, fake_cell([AT_21]), tree, count=1).run(program) == 0
 
 
-def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
+def test_plc_run_change_of_table_starts_new_run(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     dump(changed(small_table(), {"tool": "squeezetree other"}), other)
 
@@ -309,7 +309,7 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, monkeypatch):
+def test_plc_run_failing_server_ends_run_and_journal(starts, tmp_path, tree, monkeypatch):
     async def failing(server, stop):
         if starts:
             server.started.set()
@@ -326,7 +326,7 @@ def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, 
     assert (end["kind"], end["parts"]) == ("end", 0)
 
 
-def test_tables_for_different_grippers_are_refused(tmp_path, tree):
+def test_plc_run_tables_for_different_grippers_are_refused(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     dump(changed(small_table(), {"gripper.finger_width_um": 1000}), other)
     with pytest.raises(UsageError, match="another gripper"):

@@ -1,4 +1,4 @@
-"""The server of one robot: what happens when time passes, and which options go with it."""
+"""The server of one robot: its time limits, and the options that contradict it."""
 
 import socket
 import threading
@@ -28,7 +28,7 @@ class ShortLived(SystemClock):
 
 
 class Serving:
-    """A server in a thread; it ends once `parts` are over."""
+    """A server in a thread; it ends after `parts` parts."""
 
     def __init__(self, journal: FakeJournal, clock: SystemClock, parts: int = 1) -> None:
         self.journal, self.raised = journal, None
@@ -46,7 +46,7 @@ class Serving:
             self.raised = error
 
     def lines(self, data: bytes) -> list[str]:
-        """All lines that a robot hears which says this and waits for the end."""
+        """All lines that a robot receives if it sends `data` and waits for the end."""
         robot = socket.create_connection(self.address, timeout=30)
         with robot, robot.makefile("r") as lines:
             robot.sendall(data)
@@ -57,7 +57,7 @@ class Serving:
         return self.journal.kept
 
 
-def test_serve_gives_up_a_squeeze_that_takes_too_long():
+def test_serve_slow_squeeze_is_aborted():
     serving = Serving(FakeJournal(), ShortLived())
     squeeze, late = serving.lines(b"NEXT\n")
     assert (squeeze.split()[0], late) == ("SQUEEZE", refused(31))
@@ -66,7 +66,7 @@ def test_serve_gives_up_a_squeeze_that_takes_too_long():
     assert outcome["reason"] == "the robot did not answer in time"
 
 
-def test_serve_does_not_wait_for_half_a_line(monkeypatch):
+def test_serve_incomplete_line_is_refused_in_time(monkeypatch):
     monkeypatch.setattr(serve, "PATIENCE_S", 0.2)
     serving = Serving(FakeJournal(), ShortLived())
     assert serving.lines(b"NEX") == [refused(14)]
@@ -74,7 +74,7 @@ def test_serve_does_not_wait_for_half_a_line(monkeypatch):
     serving.ended()
 
 
-def test_serve_reports_a_journal_that_cannot_be_written_and_ends():
+def test_serve_unwritable_journal_is_reported_and_ends_server():
     serving = Serving(FakeJournal(1, JournalError(Path("j"), "cannot be written")), SystemClock())
     assert serving.lines(b"NEXT\n") == [refused(41)]
     assert serving.ended() == [("part", {"part": 1})]
@@ -92,6 +92,6 @@ def test_serve_reports_a_journal_that_cannot_be_written_and_ends():
         *((f"--serve tcp://{host}:5020", "add --network") for host in ("0.0.0.0", "192.168.1.2")),
     ],
 )
-def test_serve_refuses_options_that_do_not_go_with_it(words, message):
+def test_check_usage_options_contradicting_serve_are_refused(words, message):
     with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words.split()]))

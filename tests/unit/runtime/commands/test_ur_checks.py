@@ -1,4 +1,4 @@
-"""What `grasp-doctor` makes of who listens on a UR controller."""
+"""The checks of `grasp-doctor` on the open ports of a UR controller."""
 
 import re
 import socket
@@ -17,7 +17,7 @@ def looked(addresses, ports):
 
 
 @pytest.mark.parametrize("ports", [{30002, 30004, 63352}, E_SERIES])
-def test_check_controllers_of_a_cell_in_order_has_nothing_to_put_right(ports):
+def test_check_controllers_of_sound_cell_are_all_good(ports):
     result = looked(["urcap://ur", "ur://ur?tool=0,0,150"], ports)
     assert [finding.verdict for finding in result] == [Verdict.GOOD] * 2
 
@@ -34,7 +34,7 @@ def test_check_controllers_of_a_cell_in_order_has_nothing_to_put_right(ports):
         (["ur://ur"], {30004}, "Port 30002 of ur is closed", "secondary interface"),
     ],
 )
-def test_check_controllers_names_each_trap(addresses, ports, sentence, remedy):
+def test_check_controllers_closed_port_names_cause_and_remedy(addresses, ports, sentence, remedy):
     results = [finding for finding in looked(addresses, ports) if finding.verdict is Verdict.BAD]
     assert len(results) >= 1
     assert sentence in results[0].sentence or sentence in results[-1].sentence
@@ -42,7 +42,7 @@ def test_check_controllers_names_each_trap(addresses, ports, sentence, remedy):
 
 
 @pytest.mark.parametrize("address", ["ur://ur:99999", "urcap://ur:x", "tcp://ur:99999"])
-def test_check_controllers_leaves_a_port_that_is_none_to_the_driver(address):
+def test_check_controllers_invalid_port_is_left_to_driver(address):
     assert looked([address], E_SERIES) == []
 
 

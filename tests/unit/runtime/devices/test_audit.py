@@ -1,4 +1,4 @@
-"""The auditor's process: one line asked, one answered; late, broken or gone, it never stops the cell."""
+"""The auditor's process: one answer per question; a late, broken or ended auditor never stops the cell."""
 
 import sys
 
@@ -31,7 +31,6 @@ for line in sys.stdin:
     "nonsense": 'sys.stdin.readline(); print("nonsense", flush=True); sys.stdin.readline()',
     "list": 'sys.stdin.readline(); print("[1]", flush=True); sys.stdin.readline()',
     "gone": "",
-    "silent": "sys.stdin.readline(); sys.stdin.readline()",
     "endless": 'sys.stdin.readline(); print("x" * 200_000, end="", flush=True); sys.stdin.readline()',
     "deaf": "import time; time.sleep(60)",
     "late": """
@@ -62,7 +61,7 @@ NO_ANSWERS = ["nonsense", "no verdict", "endless number", "list", "gone", "endle
 
 
 @pytest.mark.parametrize("auditor", NO_ANSWERS, indirect=True)
-def test_judge_of_whatever_is_no_answer_is_unknown(auditor):
+def test_judge_invalid_answer_is_unknown(auditor):
     auditor._answer_s = 1.0
     assert auditor.judge(1, POSE)["verdict"] == "unknown"
 
@@ -73,14 +72,14 @@ def test_judge_keeps_the_plain_fields_of_an_answer(auditor):
 
 
 @pytest.mark.parametrize("auditor", ["gone"], indirect=True)
-def test_judge_says_that_the_auditor_has_ended(auditor):
+def test_judge_of_ended_auditor_states_its_end(auditor):
     auditor._process.wait(10.0)
     for part in (1, 2):
         assert "auditor has ended" in str(auditor.judge(part, POSE)["reason"])
 
 
 @pytest.mark.parametrize("auditor", ["late"], indirect=True)
-def test_judge_does_not_take_a_late_answer_for_the_next_ones(auditor):
+def test_judge_late_answer_is_not_used_for_next_part(auditor):
     auditor._answer_s = 0.2
     assert auditor.judge(1, POSE)["verdict"] == "unknown"
     auditor._answer_s = 10.0
@@ -88,19 +87,19 @@ def test_judge_does_not_take_a_late_answer_for_the_next_ones(auditor):
 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
-def test_close_ends_a_deaf_auditor_by_a_signal(auditor):
+def test_close_deaf_auditor_ends_by_signal(auditor):
     auditor.close()
     assert auditor._process.returncode in (-15, -9)
 
 
 @pytest.mark.parametrize("command", ["/no/such/program", "", "'unclosed"])
-def test_audit_process_that_cannot_be_started_is_usage(command):
+def test_audit_process_that_cannot_start_is_usage_error(command):
     with pytest.raises(UsageError, match="cannot be started"):
         AuditProcess(command)
 
 
 @pytest.mark.parametrize("auditor", ["of a table"], indirect=True)
-def test_check_refuses_an_auditor_of_another_table(auditor):
+def test_check_auditor_of_another_table_is_refused(auditor):
     auditor._common = {"table_sha256": "ab" * 32}
     auditor.check()
     assert auditor.judge(1, POSE)["verdict"] == "pass"

@@ -1,4 +1,4 @@
-"""A simulated cell that cannot be started is one sentence and exit code 21, and leaves no process behind."""
+"""A simulated cell that cannot be started is reported in one sentence and leaves no process behind."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ from runtime.shell.errors import UnreachableError
 
 
 def refusal_of(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
-    """What is told when this is run as if it were Python."""
+    """The message of the refusal when `executable` runs in place of Python."""
     started: list[subprocess.Popen[bytes]] = []
 
     class Noted(subprocess.Popen):
@@ -44,13 +44,11 @@ def script(folder: Path, text: str) -> str:
         ("""echo '{"gripper": "/dev/pts/9"}'; exec cat""", "instead of its endpoints"),
     ],
 )
-def test_cell_process_that_ends_at_once_or_tells_something_else_is_reported(
-    monkeypatch, tmp_path, text, said
-):
+def test_cell_process_that_ends_or_answers_wrongly_is_reported(monkeypatch, tmp_path, text, said):
     assert said in refusal_of(monkeypatch, script(tmp_path, text))
 
 
-def test_cell_process_of_a_program_that_is_not_there_is_reported(monkeypatch, tmp_path):
+def test_cell_process_of_missing_program_is_reported(monkeypatch, tmp_path):
     message = refusal_of(monkeypatch, str(tmp_path / "python"))
     assert message.startswith("grasp-cell cannot be started: No such file or directory")
 

@@ -1,4 +1,4 @@
-"""One process a device, whatever it is called, whoever asks, and nothing on the disk."""
+"""The lock of a device: one process at a time, under every name of the device, without files."""
 
 import os
 import socket
@@ -17,8 +17,8 @@ from runtime.devices import lock as locks
 from runtime.devices.lock import PortLock
 from runtime.shell.errors import UnreachableError
 
-PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machine's, not a test's
-# Takes the lock again and again; while it has it, nobody else may be able to make the file `alone`.
+PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks hold for the whole machine
+# Takes the lock again and again; two owners at once would collide at the file `alone`.
 CONTENDER = """
 import os, sys, time
 from pathlib import Path
@@ -49,7 +49,7 @@ def busy(port: str) -> bool:
     return False
 
 
-def test_port_lock_has_one_owner_whatever_the_device_is_called(tmp_path):
+def test_port_lock_of_device_under_any_name_has_one_owner(tmp_path):
     master, slave = os.openpty()
     device, link = os.ttyname(slave), tmp_path / "by-id"
     link.symlink_to(device)
@@ -68,7 +68,7 @@ def test_port_lock_has_one_owner_whatever_the_device_is_called(tmp_path):
 @pytest.mark.parametrize(
     "host", ["localhost", "LOCALHOST", "127.0.1.1", "[::1]", "[::ffff:127.0.0.1]", "0.0.0.0"]
 )
-def test_port_lock_takes_this_machine_for_one_host_under_all_names(host):
+def test_port_lock_names_of_this_machine_are_one_host(host):
     number = PORT.rpartition(":")[2]
     with PortLock(PORT):
         for scheme, settings in (("tcp", ""), ("rtu+tcp", ""), ("tcp", "?tool=0,0,1")):
@@ -88,10 +88,10 @@ def test_port_lock_of_a_name_holds_all_its_addresses(monkeypatch):
         assert not busy("tcp://192.0.2.7:5001")
     with PortLock("tcp://192.0.2.7:5000"):
         assert busy("tcp://cell.example:5000")
-        assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
+        assert not busy("tcp://[2001:db8::7]:5000"), "a failed attempt releases all addresses"
 
 
-def test_port_lock_of_a_name_that_no_server_tells_is_taken_in_time(monkeypatch):
+def test_port_lock_of_unresolved_name_is_taken_in_time(monkeypatch):
     asked, answered = socket.getaddrinfo, threading.Event()
 
     def silent(host, number, **settings):
@@ -107,7 +107,7 @@ def test_port_lock_of_a_name_that_no_server_tells_is_taken_in_time(monkeypatch):
     answered.set()
 
 
-def test_port_lock_of_units_behind_one_gateway_is_for_each():
+def test_port_lock_of_units_behind_gateway_is_per_unit():
     gateway = f"tcp://{HOST}:502"
     with PortLock(f"{gateway}?unit=9"):
         assert busy(gateway)
@@ -119,7 +119,7 @@ def test_port_lock_of_units_behind_one_gateway_is_for_each():
             assert busy(f"{gateway}?unit=0xA")
 
 
-def test_port_lock_of_a_tty_is_one_whether_its_port_names_the_make_or_not():
+def test_port_lock_of_tty_ignores_make_in_port():
     with PortLock("/dev/null"):
         assert busy("dh:///dev/null?unit=3")
         assert not busy("dh:///dev/zero")
@@ -132,7 +132,7 @@ HOST = f"192.0.2.{os.getpid() % 250}"
     ("port", "same"),
     [
         ("ur://{}", "ur://{}:30004"),
-        ("ur://{}?reach=850", "ur://{}:30002"),  # where its programs go
+        ("ur://{}?reach=850", "ur://{}:30002"),  # the port for its programs
         ("ur://{}:40004", "ur://{}:40002"),
         ("urcap://{}", "urcap://{}:63352"),
         ("urcap://{}", "rtu+tcp://{}:54321"),  # the same tool connector, forwarded
@@ -142,14 +142,14 @@ HOST = f"192.0.2.{os.getpid() % 250}"
         ("tcp://{}:5000", "manual+tcp://{}:5000"),
     ],
 )
-def test_port_lock_of_ports_of_one_device_is_one(port, same):
+def test_port_lock_of_ports_of_one_device_is_shared(port, same):
     for one, other in ((port, same), (same, port)):
         with PortLock(one.format(HOST)):
             assert busy(other.format(HOST))
             assert not busy(other.format("192.0.2.251"))
 
 
-def test_port_lock_knows_the_usual_ports_of_the_drivers():
+def test_port_lock_usual_ports_equal_those_of_drivers():
     assert locks.USUAL["ur"] == rtde.PORT
     assert {rtde.PORT, rtde.PORT - SCRIPT_PORT_BELOW} <= locks.ONE_DEVICE[0]
     assert locks.USUAL["urcap"] == urcap.PORT

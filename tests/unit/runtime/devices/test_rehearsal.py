@@ -24,9 +24,9 @@ def relative(frame: Pose2, pose: Pose2) -> Pose2:
 
 
 def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
-    """One part as a cell without encoder noise would play it: the nodes visited, then the target.
+    """The nodes that one part visits in a cell without encoder noise, then the target of its leaf.
 
-    The hand stands as the node wants it, or half a turn round.
+    The hand stands at the node's angle or half a turn from it.
     """
     pose = (random.uniform(-10, 10), random.uniform(-10, 10), random.uniform(-3, 3))
     path, target = [], 0
@@ -44,7 +44,7 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
     return (*path, target)
 
 
-def test_rehearsal_reaches_leaves_as_often_as_the_table_says():
+def test_rehearsal_frequencies_of_leaves_match_table():
     table, trials = small_table(), 1_000
     world, random = make(table, 3), Random(5)
     seen = Counter(play(table, world, random) for _ in range(trials))
@@ -55,7 +55,7 @@ def test_rehearsal_reaches_leaves_as_often_as_the_table_says():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_rehearsal_of_any_table_has_widths_that_read_as_outcomes(seed):
+def test_rehearsal_of_any_table_gives_widths_of_its_branches(seed):
     table = random_table(seed, 20)
     world, random = make(table, seed), Random(seed)
     for _ in range(60):
@@ -63,6 +63,6 @@ def test_rehearsal_of_any_table_has_widths_that_read_as_outcomes(seed):
         assert ~path[-1] < len(table.leaves)
 
 
-def test_rehearsal_of_a_job_without_a_table_is_refused():
+def test_make_rehearsal_of_job_without_table_is_refused():
     with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)

@@ -1,4 +1,4 @@
-"""A robot that asks, line by line: a reading means what the table says, and a bad line changes nothing."""
+"""A robot that asks line by line: each reading leads where the table says, and a bad line changes nothing."""
 
 from random import Random
 
@@ -25,11 +25,11 @@ ANSWERS = {
 
 @pytest.fixture(autouse=True)
 def _quiet(capsys):
-    """Parts are told on standard output."""
+    """Captures the parts that are printed on standard output."""
 
 
 def expected(table: Table, count: int, felt: bool) -> str:
-    """What the root's reading leads to, from the table's own look-up."""
+    """The answer that the table's look-up gives for a reading at the root."""
     node = table.nodes[0]
     branch = decide(decision_map(node, table.gripper), width_um(count), felt)
     if branch == REJECT:
@@ -43,7 +43,7 @@ def expected(table: Table, count: int, felt: bool) -> str:
 
 
 @pytest.mark.parametrize("table", [small_table(), every_field_table(), random_table(3, 60)])
-def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table):
+def test_answer_to_any_count_at_root_follows_table_or_is_error(table):
     asked = asked_parts(table)
     for count in range(256):
         for flag in ("OBJECT", "NONE"):
@@ -59,7 +59,7 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
                 assert reply.startswith(wanted)
 
 
-def test_a_width_means_what_its_count_does():
+def test_answer_to_width_equals_answer_to_its_count():
     table = small_table()
     asked = asked_parts(table)
     for count in range(10, 256):
@@ -72,7 +72,7 @@ def test_a_width_means_what_its_count_does():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(seed):
+def test_answer_to_any_line_is_short_and_error_changes_nothing(seed):
     random, table = Random(seed), every_field_table()
     asked = asked_parts(table, RunOptions(Policy.of("resqueeze,restart", "restart")))
     for _ in range(300):

@@ -1,4 +1,4 @@
-"""Calibrations: through every block, never rising, better than the linear map, and refused when touched."""
+"""Calibrations pass through every block, never fall, beat the linear map, and are refused if changed."""
 
 import io
 import json
@@ -55,17 +55,17 @@ def test_fit_passes_through_the_blocks_and_never_falls():
     widths = [true for _, true in calibration.points_um]
     assert widths == sorted(widths)
     table = calibration.of(PROFILE)
-    for gauge in calibration.gauges:  # straight between points of the curve through them
+    for gauge in calibration.gauges:  # the table is linear between points of the fitted curve
         assert abs(table.width_um(round(gauge.mean)) - 1000 * gauge.width_mm) <= 20
     assert table.width_um(-9_000) == 0
 
 
-def test_fit_of_seven_blocks_is_within_half_a_millimetre_where_the_line_is_off_by_two():
+def test_fit_of_seven_blocks_is_within_half_a_millimetre():
     fitted, linear = fitted_to(gauges()), Calibration(PROFILE)
     table, widths = fitted.of(PROFILE), [w / 4 for w in range(4, 330)]
     ours = max(abs(table.width_um(read_um(count_of(w))) / 1000 - w) for w in widths)
     line = max(abs(linear.width_um(read_um(count_of(w))) / 1000 - w) for w in widths)
-    assert ours < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
+    assert ours < 0.5  # rounding of block and reading to counts takes 0.2 of it
     assert line > 2.5
     assert max(map(abs, residuals_mm(fitted))) < 1.0
     off = [block["off_nominal_mm"] for block in figures(fitted)["blocks"]]
@@ -81,12 +81,12 @@ def test_fit_of_seven_blocks_is_within_half_a_millimetre_where_the_line_is_off_b
         ([*gauges((0.0, 5.0)), Gauge(20.0, (4_000,))], "a wider one reads more"),
     ],
 )
-def test_fit_refuses_measurements_that_contradict_one_another(measured, message):
+def test_fit_few_or_contradictory_measurements_are_refused(measured, message):
     with pytest.raises(InputError, match=message):
         fitted_to(measured)
 
 
-def test_load_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path):
+def test_load_returns_saved_file_and_refuses_changed_value(tmp_path):
     path = tmp_path / "g.json"
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
         fitted = replace(fitted_to(gauges()), tips_mm=tips, current_ma=current)
@@ -103,18 +103,21 @@ def test_load_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path):
     ("content", "message"),
     [(b"{", "not JSON"), (b"\xff", "JSON"), (b"[]", "of format 2"), (b'{"format": 1}', "format 2")],
 )
-def test_load_refuses_what_is_no_calibration(tmp_path, content, message):
+def test_load_invalid_file_is_refused(tmp_path, content, message):
     path = tmp_path / "g.json"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
         load(path)
+
+
+def test_load_missing_file_and_save_in_missing_folder_are_refused(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         load(tmp_path / "none.json")
     with pytest.raises(OutputError, match="name another file"):
         save(fitted_to(gauges()), tmp_path / "none" / "g.json")
 
 
-def test_load_refuses_nonsense_though_its_digest_is_right(tmp_path):
+def test_load_falling_points_with_valid_digest_are_refused(tmp_path):
     path = tmp_path / "g.json"
     save(fitted_to(gauges()), path)
     record = json.loads(path.read_text())
@@ -173,7 +176,7 @@ def test_calibrate_grips_each_block_gently_and_writes_the_file(tmp_path, capsys)
     assert len(list(report(figures(calibration)))) == 2 + len(BLOCKS)
 
 
-def test_calibrate_ends_at_a_sleeping_gripper_or_without_a_block(tmp_path):
+def test_calibrate_inactive_gripper_or_missing_block_writes_no_file(tmp_path):
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
         run(arguments(tmp_path), drivers(gripper), gripper.hold)
@@ -209,7 +212,7 @@ def test_calibrate_without_a_terminal_moves_nothing(
         *("--blocks=0,10,10", "--grips=0", "--tips=1,2,3", "--current=800", "--output=none/g.json"),
     ],
 )
-def test_calibrate_reports_wrong_arguments_before_anything_is_opened(tmp_path, wrong):
+def test_calibrate_wrong_arguments_are_refused_before_opening(tmp_path, wrong):
     def opened(port, profile):
         raise AssertionError("the gripper was opened")
 
@@ -241,6 +244,6 @@ class Empty:
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES.keys())
-def test_measure_takes_no_minute_for_a_stroke_of_any_make(profile):
+def test_measure_stroke_of_any_profile_takes_under_ten_seconds(profile):
     (gauge,) = calibration.measure(Empty(profile), [0.0], 3, lambda _: None)
     assert gauge.mean == 0.0

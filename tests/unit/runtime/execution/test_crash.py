@@ -1,4 +1,4 @@
-"""What is done about a run that broke off, before any device is opened."""
+"""The handling of a run that broke off, before any device is opened."""
 
 import hashlib
 from datetime import UTC, datetime, timedelta
@@ -23,7 +23,7 @@ FIELDS = {"on_reject": "next", "on_unresolved": "next"}
 
 
 def broken(path: Path, lines: int) -> Path:
-    """A run that broke off after so many records."""
+    """A journal whose run broke off after its first `lines` records."""
     write_run(path)
     kept = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(kept[:lines]))
@@ -42,26 +42,26 @@ def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0) -> dict[str, object]:
-    """Now, by clocks that are so many seconds on."""
+    """The present moment by clocks that are set on by these seconds."""
     uptime = SystemClock().uptime()
     date = datetime.now(UTC) + timedelta(seconds=wall_s)
     return {**uptime, "time": date.isoformat(), "up_s": float(uptime["up_s"]) + up_s}
 
 
-def test_look_a_run_that_ended_is_nothing_to_go_on_with(tmp_path):
+def test_look_ended_run_is_none(tmp_path):
     assert look(write_run(tmp_path / "j.jsonl"), crash.ABORT) is None
 
 
 @pytest.mark.parametrize(
     ("lines", "part", "steps"), [(1, None, 0), (2, 1, 0), (4, 1, 1), (5, None, 0), (9, 2, 1)]
 )
-def test_look_knows_where_the_run_broke_off(tmp_path, lines, part, steps):
+def test_look_broken_run_gives_part_and_steps(tmp_path, lines, part, steps):
     seen = look(broken(tmp_path / "j.jsonl", lines), crash.RESUME)
     assert seen is not None
     assert (seen.part, len(seen.steps)) == (part, steps)
 
 
-def test_look_giving_up_is_recorded_and_ends_the_run(tmp_path):
+def test_look_abort_is_recorded_and_ends_run(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match="at part 1, after 1 squeeze; it is given up"):
         look(path, crash.ABORT)
@@ -70,7 +70,7 @@ def test_look_giving_up_is_recorded_and_ends_the_run(tmp_path):
     assert look(path, crash.ABORT) is None
 
 
-def test_look_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
+def test_look_restart_forgets_path_but_not_held_part(tmp_path):
     seen = look(broken(tmp_path / "j.jsonl", 4), crash.RESTART)
     assert seen is not None
     assert (seen.steps, seen.traversal.node) == ([], 0)
@@ -88,7 +88,7 @@ def test_look_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
         ({"delivery": from_text("50,0,90").record()}, "--deliver"),
     ],
 )
-def test_look_a_run_is_gone_on_with_as_it_was_begun(tmp_path, changed, what):
+def test_look_resume_with_other_settings_is_refused(tmp_path, changed, what):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=f"had another {what}"):
         look(path, crash.RESUME, **changed)
@@ -96,7 +96,7 @@ def test_look_a_run_is_gone_on_with_as_it_was_begun(tmp_path, changed, what):
 
 
 def after_boot(wall_s: float, up_s: float = 60.0) -> dict[str, object]:
-    """Now, by the wall clock so many seconds on, and up for so many since another boot."""
+    """The present moment `up_s` after another boot, by a wall clock that is `wall_s` on."""
     return {**moment(wall_s), "boot": "another", "up_s": up_s}
 
 
@@ -121,7 +121,7 @@ RECENT = {
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.RESTART])
 @pytest.mark.parametrize("name", TOO_OLD)
-def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path, policy, name):
+def test_look_part_of_old_or_unclear_age_is_refused(tmp_path, policy, name):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear"):
         look(path, policy, TOO_OLD[name]())
@@ -129,18 +129,18 @@ def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path, policy, 
 
 
 @pytest.mark.parametrize("name", RECENT)
-def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path, name):
+def test_look_part_of_recent_age_is_resumed(tmp_path, name):
     assert look(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
-def test_look_between_two_parts_nothing_can_be_too_old(tmp_path):
+def test_look_between_parts_of_any_age_is_resumed(tmp_path):
     seen = look(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
     assert seen.part is None
 
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.ABORT])
-def test_look_a_run_that_its_counts_do_not_justify_is_not_resumed(tmp_path, policy):
+def test_look_run_with_contradictory_records_is_not_resumed(tmp_path, policy):
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, FIELDS)
@@ -151,7 +151,7 @@ def test_look_a_run_that_its_counts_do_not_justify_is_not_resumed(tmp_path, poli
     assert verify(path).closed == (policy == crash.ABORT)
 
 
-def test_begin_records_what_was_cut_off(tmp_path):
+def test_begin_records_resume_and_cut_bytes(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')

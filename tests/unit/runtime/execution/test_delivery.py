@@ -1,4 +1,4 @@
-"""Where a part goes: read from text, file or job, or refused with the key that is wrong."""
+"""The delivery of a part: read from text, file or job, or refused with the name of the invalid key."""
 
 import json
 from math import inf, nan, pi
@@ -19,13 +19,13 @@ area_mm = [-60, -60, 90, 60]
 PICKS = {"handle": (1.0, 2.0, -pi / 2)}
 
 
-def test_three_numbers_are_a_drop_off():
+def test_from_text_three_numbers_give_drop_off():
     turned = (50.0, -10.0, pytest.approx(pi / 2))
     assert from_text("50,-10,90") == Delivery(drop=turned, width_mm=(0.5, inf))
 
 
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
-def test_a_file_may_have_a_section(tmp_path, header):
+def test_from_file_with_or_without_section_is_read(tmp_path, header):
     path = tmp_path / "d.toml"
     path.write_text(header + FULL)
     result = from_file(path, PICKS)
@@ -35,7 +35,7 @@ def test_a_file_may_have_a_section(tmp_path, header):
     assert result.area_um == (-60_000, -60_000, 90_000, 60_000)
 
 
-def test_a_job_without_the_section_delivers_nothing():
+def test_from_job_gives_delivery_of_section_or_none():
     assert from_job(None) is None
     assert from_job({"seed": 1}) is None
     assert from_job({"delivery": {"drop": [1, 2, 0]}}) == Delivery(drop=(1.0, 2.0, 0.0))
@@ -61,24 +61,24 @@ def test_a_job_without_the_section_delivers_nothing():
         (3, "no section"),
     ],
 )
-def test_what_is_wrong_is_named(keys, message):
+def test_from_keys_invalid_value_is_refused_by_name(keys, message):
     with pytest.raises(InputError, match=message):
         from_keys(keys, "delivery", PICKS)
 
 
-def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml"):
-        from_file(tmp_path / "none.toml", {})
-    (tmp_path / "bad.toml").write_text("drop = [")
-    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
-    (tmp_path / "other.toml").write_text("delivery = 3")
-    (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
-    for name in ("bad", "deep", "other", "binary"):
-        with refused_in_a_line(InputError, rf"{name}\.toml"):
-            from_file(tmp_path / f"{name}.toml", {})
+@pytest.mark.parametrize(
+    "content",
+    [None, b"drop = [", b"a = " + b"[" * 100_000, b"delivery = 3", bytes(range(256))],
+    ids=["missing", "cut short", "deep", "no section", "binary"],
+)
+def test_from_file_unreadable_file_is_refused_by_name(tmp_path, content):
+    if content is not None:
+        (tmp_path / "d.toml").write_bytes(content)
+    with refused_in_a_line(InputError, r"d\.toml"):
+        from_file(tmp_path / "d.toml", {})
 
 
-def test_a_pick_of_the_part_is_where_it_is_taken():
+def test_from_job_grasp_is_pick_in_frame_of_datum():
     part = {"datum": [10.0, 0.0, 90.0], "picks": {"handle": [5.0, 0.0, 0.0]}}
     result = from_job({"part": part, "delivery": {"drop": [0, 50, 0], "grasp": "handle"}})
     assert result is not None
@@ -87,7 +87,7 @@ def test_a_pick_of_the_part_is_where_it_is_taken():
         from_job({"part": part, "delivery": {"drop": [0, 50, 0], "grasp": "rim"}})
 
 
-def test_several_parts_are_sorted_by_their_names(tmp_path):
+def test_by_name_sorts_parts_by_their_names(tmp_path):
     path = tmp_path / "d.toml"
     path.write_text("drop = [50.0, -10, 90]\nwidth_mm = 21.0\n")
     sorting = by_name(["right hand=1,2,0", f"left hand={path}"], several_table())
@@ -108,6 +108,6 @@ def test_several_parts_are_sorted_by_their_names(tmp_path):
         (["left hand=1,2,3"], {"goal.identify": False}, "both which part it is and where"),
     ],
 )
-def test_a_place_of_no_known_part_is_refused(words, goal, message):
+def test_by_name_unknown_part_or_unfit_goal_is_refused(words, goal, message):
     with pytest.raises(UsageError, match=message):
         by_name(words, changed(several_table(), goal))

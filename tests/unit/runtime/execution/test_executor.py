@@ -1,4 +1,4 @@
-"""The executor: order of motions, outcomes, and one safe end for a failure of any call at any moment."""
+"""The executor: outcomes, the order of motions, and a safe end whichever call fails."""
 
 import pytest
 from counting import count_of
@@ -17,7 +17,7 @@ LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
 class ForeignError(Exception):
-    """Of a library, which gives its exceptions exit codes, too."""
+    """An error of a foreign library, which also gives its exceptions exit codes."""
 
     exit_code = 21
 
@@ -29,7 +29,7 @@ def run(rig: FakeCell, table: Table | None = None, seen: list[Step] | None = Non
 
 
 def motions(rig: FakeCell) -> list[tuple]:
-    """Where jaws and arm were sent."""
+    """The targets of jaws and arm, in their order."""
     sent = {
         "move": lambda call: ("jaws", call.arguments[0]),
         "move_linear": lambda call: call.arguments,
@@ -61,7 +61,7 @@ CALLS = [
         ([(229, ARRIVED)], Outcome.REJECT, None, [0], 10),
     ],
 )
-def test_outcome_follows_the_widths(counts, outcome, leaf, path, exit_code):
+def test_executor_outcome_follows_widths(counts, outcome, leaf, path, exit_code):
     rig, seen = fake_cell(counts), []
     result = run(rig, seen=seen)
     assert (result.outcome, result.leaf, result.exit_code) == (outcome, leaf, exit_code)
@@ -72,7 +72,7 @@ def test_outcome_follows_the_widths(counts, outcome, leaf, path, exit_code):
     assert rig.journal.kinds() == ["part", *["placed", "squeeze"] * len(path), "outcome"]
 
 
-def test_motions_come_in_the_order_place_open_descend_close_open_retreat():
+def test_executor_motions_are_place_open_descend_close_open_retreat():
     rig = fake_cell(LONGEST)
     run(rig)
     lines = [motion if motion[0] == "jaws" else motion[:4] for motion in motions(rig)]
@@ -82,7 +82,7 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat():
     assert lines == [up, *one, (0.0, 0.0, 60.0, 0.0), *two, (1.0, -2.0, 60.0, 1.570796)]
 
 
-def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x():
+def test_executor_push_sets_jaws_and_moves_along_x_of_hand():
     rig = fake_cell(LONGEST)
     result = run(rig, pushing_table())
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
@@ -104,7 +104,7 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
     assert rig.journal.kinds() == ["part", *pushed, "outcome"]
 
 
-def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is():
+def test_executor_pushes_again_on_restart_but_not_on_resqueeze():
     rig = fake_cell([AT_36, AT_36, AT_21])
     options = RunOptions(Policy.of("resqueeze,restart,next", "next"))
     result = Executor(pushing_table(), rig.cell, Deaf(), options).run_part(1)
@@ -113,7 +113,7 @@ def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is(
     assert rig.journal.kinds() == kinds.split()
 
 
-def test_jaws_that_do_not_stand_as_they_were_set_end_the_push():
+def test_executor_push_with_displaced_jaws_is_fault():
     rig = fake_cell(LONGEST)
     slide = rig.arm.move_linear
 
@@ -130,7 +130,7 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push():
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed):
+def test_executor_descends_only_open_and_moves_below_caps(seed):
     table = random_table(seed, 15)
     rig = fake_cell([(count_of(b.expected_um), CONTACT) for b in _first_path(table)])
     result = run(rig, table)
@@ -162,7 +162,7 @@ def _first_path(table: Table) -> list:
 
 
 def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
-    """Fingers stopped, at most one motion of the arm and that straight up, everything journalled."""
+    """The fingers were stopped, the arm moved at most once and straight up, and the outcome is journalled."""
     after = rig.log.calls[failed + 1 :]
     assert [call.name for call in after if call.name in ("move", "activate")] == []
     lifts = [call for call in after if call.name == "move_linear"]
@@ -185,13 +185,13 @@ def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
     ],
 )
 @pytest.mark.parametrize(("table", "at"), CALLS)
-def test_link_lost_or_ctrl_c_at_any_call_ends_in_the_safe_state(table, at, error, ends):
+def test_executor_lost_link_or_ctrl_c_at_any_call_ends_in_safe_state(table, at, error, ends):
     rig = fake_cell(LONGEST, Log(at, error))
     result = run(rig, table)
     assert (result.outcome, result.exit_code, result.reason) == ends
     assert_safe_end(rig, result, failed=at)
     if result.outcome is Outcome.STOPPED:
-        # An arm that was interrupted in a call may be anywhere: it is left alone, any other one goes up.
+        # An arm that was interrupted in a call may be anywhere and is not moved; otherwise it is raised.
         lifted = any(call.name == "move_linear" for call in rig.log.calls[at + 1 :])
         if rig.log.calls[at].device == "arm":
             assert not lifted
@@ -200,7 +200,7 @@ def test_link_lost_or_ctrl_c_at_any_call_ends_in_the_safe_state(table, at, error
 
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
-def test_a_bug_is_raised_but_only_after_the_safe_state(table, at):
+def test_executor_foreign_error_is_raised_after_safe_state(table, at):
     rig = fake_cell(LONGEST, Log(at, ForeignError("a bug")))
     with pytest.raises(ForeignError):
         run(rig, table)
@@ -212,7 +212,7 @@ def test_a_bug_is_raised_but_only_after_the_safe_state(table, at):
     ("table", "at"),
     [(small_table(), at) for at in range(6)] + [(pushing_table(), at) for at in range(9)],
 )
-def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table, at, tmp_path):
+def test_executor_failing_journal_is_fault_without_leaf(table, at, tmp_path):
     journal = FakeJournal(at, JournalError(tmp_path, "full"))
     rig = fake_cell(LONGEST, journal=journal)
     result = run(rig, table)
@@ -228,7 +228,7 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table, at, 
         *((kind("x"), 20) for kind in (GripperFault, ArmError)),
     ],
 )
-def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(error, exit_code):
+def test_executor_device_error_ends_with_its_exit_code(error, exit_code):
     result = run(fake_cell(LONGEST, Log(4, error)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, exit_code)
 
@@ -247,7 +247,7 @@ def faulty(**changes: object) -> FakeCell:
         (faulty(moving=True), "without having been asked"),
     ],
 )
-def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(rig, reason):
+def test_executor_unready_gripper_moves_neither_jaws_nor_arm(rig, reason):
     result = run(rig)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert reason in str(result.reason)
@@ -255,7 +255,7 @@ def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(rig, re
     assert len(rig.log.named("move_linear")) <= 1  # the retreat of the safe sequence
 
 
-def test_a_stale_reading_is_a_fault_and_no_child():
+def test_executor_stale_reading_is_fault_without_step():
     rig = fake_cell(LONGEST)
     rig.gripper.echo_off = -100
     result = run(rig)
@@ -268,7 +268,7 @@ def test_a_stale_reading_is_a_fault_and_no_child():
     [(small_table(), 5, "remove what blocks"), (pushing_table(), -20, "look for what is between")],
     ids=["opening", "closing to push"],
 )
-def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(table, stuck_at, said):
+def test_executor_blocked_jaws_are_not_lowered(table, stuck_at, said):
     rig = fake_cell(LONGEST)
     rig.gripper.opened_to = stuck_at
     result = run(rig, table)
@@ -278,7 +278,7 @@ def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(table, stuck_at
 
 
 @pytest.mark.parametrize("off_mm", [0.6, float("nan")])
-def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm):
+def test_executor_arm_off_target_is_not_moved_again(off_mm):
     rig = fake_cell(LONGEST)
     rig.arm.off_mm = off_mm
     result = run(rig)
@@ -287,7 +287,7 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm):
     assert "arm not moved: state unknown" in result.safe_state
 
 
-def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves():
+def test_executor_table_beyond_gripper_is_refused_before_motion():
     rig = fake_cell([])
     with pytest.raises(TableError, match=r"node 0 .* the gripper does 20\.\."):
         run(rig, changed(small_table(), {"nodes.0.squeeze.speed_um_s": 19_000}))

@@ -1,4 +1,4 @@
-"""Where the fingers meet: found on a block held fast, and what follows from it for a table's places."""
+"""The point where the fingers meet: measured on a fixed block, and its effect on a table's places."""
 
 import math
 import random
@@ -26,7 +26,7 @@ BLOCK_MM, OPENING_MM = 30.0, 85.0
 
 
 def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
-    """Opening at which fingers that close step by step first touch a block held fast; no formula of ours."""
+    """Opening at which fingers that close step by step first touch a fixed block; a second method."""
     upper = hand_mm + across_mm + OPENING_MM / 2.0
     lower = hand_mm + across_mm - OPENING_MM / 2.0
     step = 0.005
@@ -38,7 +38,7 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Grips on a block `block_mm` off, the hand one way round and the other."""
+    """Grips on a block that is `block_mm` off, in both orientations of the hand."""
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):
         result = side * block_mm - meet
@@ -47,18 +47,16 @@ def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
 
 
 @pytest.mark.parametrize(("share", "across_mm"), [(0.5, 0.0), (0.5, 1.5), (0.44, -0.8), (0.6, 2.0)])
-def test_fit_of_exact_grips_tells_where_the_fingers_meet_and_how_they_share_the_closing(
-    share, across_mm
-):
+def test_fit_exact_grips_gives_meeting_point_and_finger_share(share, across_mm):
     result = fit(BLOCK_MM, list(halves(share, across_mm)))
     assert result.share == pytest.approx(share, abs=1e-3)
-    # Of fingers that share unevenly the middle goes with the width.
+    # With uneven fingers the middle depends on the width.
     for width_mm, near_mm in ((BLOCK_MM, 5e-3), (10.0, 0.03), (50.0, 0.03)):
         meet_mm = across_mm + (0.5 - share) * (OPENING_MM - width_mm)
         assert result.at(width_mm)[0] == pytest.approx(meet_mm, abs=near_mm)
 
 
-def test_fit_has_errors_that_cover_what_counts_and_noise_do():
+def test_fit_errors_cover_effect_of_counts_and_noise():
     count_mm, draw, off = 85.0 / 227.0, random.Random(3), []
     for k in range(16):
         read = lambda width: count_mm * round((width + draw.gauss(0.0, 0.15)) / count_mm)  # noqa: E731
@@ -68,7 +66,7 @@ def test_fit_has_errors_that_cover_what_counts_and_noise_do():
     assert 0.6 < math.sqrt(sum(z * z for z in off) / len(off)) < 1.5
 
 
-def test_fit_refuses_what_is_no_block_held_fast():
+def test_fit_grips_on_loose_or_wrong_block_are_refused():
     loose = [(0.0, [Grip(off, BLOCK_MM + 0.01 * k) for k, off in enumerate((-5.0, 5.0) * 6)])] * 2
     with pytest.raises(InputError, match="does not give way"):
         fit(BLOCK_MM, loose)
@@ -85,7 +83,7 @@ STANDING = Block(BLOCK_MM, 12.0, -7.0)
 
 
 class Rig:
-    """A simulated cell with a block in place of parts, over its real bytes, and a hand."""
+    """A simulated cell with a fixed block in place of parts, and a hand that uses its real protocols."""
 
     def __init__(self, block=STANDING, middle_mm=1.5):
         self.table = small_table()
@@ -102,7 +100,7 @@ class Rig:
 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2])
-def test_measure_of_a_simulated_cell_is_what_it_says(angle):
+def test_measure_of_simulated_cell_equals_its_middle(angle):
     rig = Rig()
     result = rig.measure((11.0, -5.5, angle))
     assert abs(result.across_mm - 1.5) < 3.0 * result.across_error_mm
@@ -112,16 +110,21 @@ def test_measure_of_a_simulated_cell_is_what_it_says(angle):
     assert rig.hand.where()[2] == pytest.approx(rig.table.limits.retreat_height_um / 1000, abs=0.05)
 
 
-def test_measure_reports_a_block_that_is_elsewhere_another_or_none():
-    with pytest.raises(InputError, match=r"about \+[45]\.. mm off"):
-        Rig(Block(BLOCK_MM, 0.0, 5.0), 0.0).measure((0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="hold it fast"):
-        Rig(Block(BLOCK_MM - 8.0), 0.0).measure((0.0, 0.0, 0.0))
-    with pytest.raises(GripperStateError, match="met no block"):
-        Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
+@pytest.mark.parametrize(
+    ("block", "middle_mm", "error", "message"),
+    [
+        (Block(BLOCK_MM, 0.0, 5.0), 0.0, InputError, r"about \+[45]\.. mm off"),
+        (Block(BLOCK_MM - 8.0), 0.0, InputError, "hold it fast"),
+        (Block(BLOCK_MM, 50.0), 1.5, GripperStateError, "met no block"),
+    ],
+    ids=["displaced", "another width", "missing"],
+)
+def test_measure_displaced_other_or_missing_block_is_refused(block, middle_mm, error, message):
+    with pytest.raises(error, match=message):
+        Rig(block, middle_mm).measure((0.0, 0.0, 0.0))
 
 
-def test_check_places_refuses_what_the_arm_would_leave_its_area_for():
+def test_check_places_outside_work_area_is_refused():
     table = small_table()
     check_places(table, 1.0)
     low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
@@ -131,7 +134,7 @@ def test_check_places_refuses_what_the_arm_would_leave_its_area_for():
         check_places(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
 
 
-def test_asked_parts_answer_where_the_arm_has_to_go():
+def test_asked_parts_squeeze_place_includes_middle():
     lines = []
     for middle_mm in (0.0, 1.5):
         options = RunOptions(handling=Handling(middle_mm=middle_mm))

@@ -1,4 +1,4 @@
-"""What the executor does beyond the plain loop: gentle force, drags, policies."""
+"""The hand in a part: gentle force, motions between squeezes, drags, and a displaced arm."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from counting import SETTINGS, width_um
 from fake_cell import State, fake_cell
 from sample_tables import changed, small_table, with_job
-from squeezes import AT_21, AT_30, AT_36, AT_60, jaw_moves, meeting, run
+from squeezes import AT_21, AT_30, AT_36, AT_60, arm_moves, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.executor import RunOptions
@@ -19,18 +19,18 @@ from runtime.traversal.results import Outcome
 
 
 def dragging_table(force_mn: int) -> Table:
-    """The small table; what the root holds is dragged, so that it has to be held with its force."""
+    """The small table with a drag after its root, for which the part is held with the root's full force."""
     force = {"nodes.0.squeeze.force_mn": force_mn, "limits.max_force_mn": 235_000}
     return changed(small_table(), {"nodes.0.release": Place(12_000, -7_000), **force})
 
 
-def test_hand_raises_the_force_until_the_motors_current():
-    for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
-        rig = fake_cell([AT_21])
-        handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
-        assert run(rig, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
-        closings = [force for position, _, force in jaw_moves(rig) if position == 255]
-        assert len(closings) == 1 + raises
+@pytest.mark.parametrize(("grip_current_ma", "raises"), [(None, 4), (299, 0), (300, 0), (301, 4)])
+def test_hand_raises_force_until_current_reaches_limit(grip_current_ma, raises):
+    rig = fake_cell([AT_21])
+    handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
+    assert run(rig, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
+    closings = [force for position, _, force in jaw_moves(rig) if position == 255]
+    assert len(closings) == 1 + raises
 
 
 # -- short squeezes ---------------------------------------------------------------------------------
@@ -43,10 +43,10 @@ def known_table() -> Table:
     return changed(table, {"nodes.1.contact_um": 42_000, "nodes.1.squeeze.opening_um": 50_000})
 
 
-def test_hand_between_squeezes_rises_to_just_above_the_part_and_opens_for_the_next():
+def test_hand_between_squeezes_rises_above_part_and_opens_for_next():
     rig = fake_cell([AT_30, AT_21])
     assert run(rig, RunOptions(), known_table()).leaf == 1
-    heights = [call.arguments[2] for call in rig.log.named("move_linear")]
+    heights = [target[2] for target in arm_moves(rig)]
     assert heights == [60.0, 60.0, 10.0, 20.0, 20.0, 10.0, 60.0]
     opened = [width_um(position) for position, *_ in jaw_moves(rig) if position < 255]
     assert [width >= 50_000 for width in opened] == [True] * len(opened)
@@ -54,7 +54,7 @@ def test_hand_between_squeezes_rises_to_just_above_the_part_and_opens_for_the_ne
     assert opened[-1] == 85_000  # for the next part
 
 
-def test_hand_frees_the_jaws_before_it_rises_though_the_next_opening_is_narrower():
+def test_hand_frees_jaws_before_rising_to_narrower_opening():
     rig = fake_cell([AT_36, AT_21])
     narrow = {"nodes.1.contact_um": None, "nodes.1.squeeze.opening_um": 38_000}
     widths = {"low_um": 35_000, "expected_um": 36_000, "high_um": 37_000}
@@ -84,17 +84,17 @@ def test_hand_frees_the_jaws_before_it_rises_though_the_next_opening_is_narrower
         (1.4, (-math.inf, math.inf), 1.4),
     ],
 )
-def test_hand_of_even_fingers_turns_back_only_near_the_wrists_end(angle_rad, wrist, expected_rad):
+def test_hand_with_even_fingers_turns_back_only_near_end_of_wrist(angle_rad, wrist, expected_rad):
     assert _turned_to(angle_rad, wrist, known_table()) == pytest.approx(expected_rad, abs=1e-6)
 
 
-def test_hand_of_uneven_fingers_turns_to_the_angle_itself():
+@pytest.mark.parametrize(("angle_rad", "wrist"), [(3.0, (-10.0, 10.0)), (1.4, (-8.0, 1.5))])
+def test_hand_with_uneven_fingers_turns_to_angle_itself(angle_rad, wrist):
     uneven = with_job(known_table(), '{"gripper": {"upper_finger_share": 0.6}}')
-    for angle_rad, wrist in ((3.0, (-10.0, 10.0)), (1.4, (-8.0, 1.5))):
-        assert _turned_to(angle_rad, wrist, uneven) == pytest.approx(angle_rad, abs=1e-6)
+    assert _turned_to(angle_rad, wrist, uneven) == pytest.approx(angle_rad, abs=1e-6)
 
 
-def test_hand_that_turned_back_stays_half_a_turn_off_for_the_rest_of_the_part():
+def test_hand_turned_back_stays_half_turn_off_for_rest_of_part():
     rig = fake_cell([])
     rig.arm.at, rig.arm.turns = (0.0, 0.0, 60.0, 0.0), (-8.0, 1.5)
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, known_table(), Handling())
@@ -112,40 +112,42 @@ def _turned_to(angle_rad: float, wrist: tuple[float, float], table: Table) -> fl
     rig.arm.turns = wrist
     turned = changed(table, {"nodes.1.squeeze.angle_urad": round(1e6 * angle_rad)})
     assert run(rig, RunOptions(), turned).leaf == 1
-    return rig.log.named("move_linear")[-1].arguments[3]
+    return arm_moves(rig)[-1][3]
 
 
-def test_hand_of_a_gripper_that_takes_no_command_on_the_way_stops_between():
-    for streams, waits in ((True, 1), (False, 2)):
-        fast = {"nodes.0.contact_um": 33_000, "limits.max_speed_um_s": 150_000}
-        table = changed(small_table(), {**fast, "gripper.streams": streams})
-        rig = fake_cell([AT_21])
-        assert run(rig, RunOptions(), table).leaf == 0
-        calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
-        assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
+@pytest.mark.parametrize(
+    ("streams", "calls"), [(True, ["move", "move"]), (False, ["move", "wait", "move"])]
+)
+def test_hand_waits_between_strokes_unless_gripper_streams(streams, calls):
+    fast = {"nodes.0.contact_um": 33_000, "limits.max_speed_um_s": 150_000}
+    table = changed(small_table(), {**fast, "gripper.streams": streams})
+    rig = fake_cell([AT_21])
+    assert run(rig, RunOptions(), table).leaf == 0
+    seen = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
+    assert seen[2 : 2 + len(calls)] == calls
 
 
 # -- drags ----------------------------------------------------------------------------------------
 
 
-def test_hand_drags_what_is_held_to_the_release_point_and_lets_go_there():
+def test_hand_drags_held_part_to_release_point_and_opens():
     table = changed(small_table(), {"nodes.0.release": Place(12_000, -7_000)})
     rig = fake_cell([AT_21])
     rig.arm.at = (5.0, 5.0, 60.0, 0.1)
     assert run(rig, RunOptions(), table).leaf == 0
-    motions = [call.arguments[:4] for call in rig.log.calls if call.name == "move_linear"]
+    motions = [target[:4] for target in arm_moves(rig)]
     assert motions[-2:] == [(12.0, -7.0, 10.0, 0.0), (12.0, -7.0, 60.0, 0.0)]
     names = [call.name for call in rig.log.calls if call.name in ("move", "move_linear")]
     assert names[-3:] == ["move_linear", "move", "move_linear"]
     rejected = fake_cell([AT_36])
     run(rejected, RunOptions(), table)
-    assert (12.0, -7.0) not in {call.arguments[:2] for call in rejected.log.named("move_linear")}
+    assert (12.0, -7.0) not in {target[:2] for target in arm_moves(rejected)}
 
 
-# -- policies -------------------------------------------------------------------------------------
+# -- faults and times -----------------------------------------------------------------------------
 
 
-def test_hand_does_not_wait_for_an_unready_gripper_for_ever():
+def test_await_stillness_of_moving_gripper_times_out():
     rig = fake_cell([])
     rig.gripper.now = State(moving=True)
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
@@ -159,7 +161,7 @@ def test_hand_does_not_wait_for_an_unready_gripper_for_ever():
     "by",
     [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)],
 )
-def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(request_counts, by):
+def test_executor_displaced_arm_in_squeeze_is_fault_and_not_moved(request_counts, by):
     rig = fake_cell([AT_21])
     move = rig.gripper.move
 
@@ -181,7 +183,7 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(request
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.009, -0.009])
-def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad):
+def test_executor_arm_within_tolerance_is_no_fault(turn_rad):
     rig = fake_cell([AT_21])
     move_linear = rig.arm.move_linear
 
@@ -194,15 +196,15 @@ def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad):
     assert run(rig, RunOptions()).leaf == 0
 
 
-def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing():
+def test_executor_regulated_unplanned_width_raises_force():
     rig = meeting(AT_60[0])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
-    assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
+    assert result.outcome is Outcome.REJECT  # no branch holds 60 mm
     forces = [force for position, _, force in jaw_moves(rig) if position > 0]
     assert forces == [0, SETTINGS.force(40.0)]
 
 
-def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part():
+def test_executor_phases_sum_to_seconds_of_part():
     rig = fake_cell([AT_30, AT_21])
     rig.cell.clock.step_s = 0.001
     result = run(rig, RunOptions())

@@ -1,9 +1,10 @@
-"""What fingers may hold when a run begins, and how it is put down; on a cell in memory."""
+"""What the fingers may hold at the start of a run, and how it is put down; on a cell in memory."""
 
 import pytest
 from counting import count_of, width_um
 from fake_cell import FakeCell, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
+from squeezes import arm_moves
 
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import held, session
@@ -34,7 +35,7 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (State(activated=False, object_flag=0), None),
     ],
 )
-def test_look_tells_what_the_fingers_may_hold(state, message):
+def test_look_reports_what_fingers_may_hold(state, message):
     holds = held.look(state.reading, CALIBRATION)
     assert (holds is None) == (message is None)
     if holds is not None:
@@ -49,15 +50,14 @@ def holding(log: Log | None = None) -> FakeCell:
 
 
 def heights(rig: FakeCell) -> list[float]:
-    return [call.arguments[2] for call in rig.log.named("move_linear")]
+    return [target[2] for target in arm_moves(rig)]
 
 
-def test_put_down_lowers_where_the_arm_stands_before_the_jaws_open():
+def test_put_down_lowers_in_place_before_opening():
     rig = holding()
     session.put_down(small_table(), rig.cell, RunOptions())
-    assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
-        *("move_linear", "move", "move_linear")
-    ]
+    moves = [call.name for call in rig.log.calls if call.name in ("move_linear", "move")]
+    assert moves == ["move_linear", "move", "move_linear"]
     assert heights(rig) == [10.0, 60.0]
     assert rig.arm.at[:2] == (50.0, 5.0)
     assert 33_000 < width_um(rig.gripper.now.position_counts) < 37_000
@@ -65,13 +65,13 @@ def test_put_down_lowers_where_the_arm_stands_before_the_jaws_open():
     assert rig.journal.kept[-1][1]["exit_code"] == 0
 
 
-def test_put_down_with_level_tips_comes_down_as_high_as_the_jaws_are_open():
+def test_put_down_with_tip_arc_stops_higher_by_its_advance():
     rig, arc = holding(), TipArc(level_mm=8.0)
     session.put_down(small_table(), rig.cell, RunOptions(handling=Handling(arc=arc)))
     assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
-def test_put_down_outside_the_work_area_is_only_where_parts_are_carried():
+def test_put_down_outside_work_area_needs_area_of_delivery():
     rig = holding()
     rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
@@ -82,7 +82,7 @@ def test_put_down_outside_the_work_area_is_only_where_parts_are_carried():
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
-def test_put_down_whatever_goes_wrong_ends_in_the_safe_state_and_is_recorded():
+def test_put_down_any_failure_ends_in_safe_state_and_is_recorded():
     whole = holding()
     session.put_down(small_table(), whole.cell, RunOptions())
     for number in range(len(whole.log.calls)):
@@ -93,5 +93,5 @@ def test_put_down_whatever_goes_wrong_ends_in_the_safe_state_and_is_recorded():
         assert rig.log.named("stop")
         opened = rig.gripper.now.position_counts < HOLDING.position_counts
         untouched = max(heights(rig), default=10.0) == 10.0
-        assert opened or untouched, "what may be fixed is never lifted"
+        assert opened or untouched, "a part that may be fixed is never lifted"
         assert rig.journal.kept[-1][1]["exit_code"] == 20

@@ -6,7 +6,7 @@ from math import degrees, inf, radians
 import pytest
 from fake_cell import Deaf, FakeCell, fake_cell
 from sample_tables import changed, small_table, with_job
-from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
+from squeezes import ARRIVED, AT_21, AT_36, EMPTY, arm_moves, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import Executor, RunOptions
@@ -26,7 +26,7 @@ class Judge:
 
 
 @pytest.mark.parametrize("verdict", ["pass", "fail", "unknown"])
-def test_leaf_is_audited_and_never_stops_the_cell(verdict):
+def test_executor_audit_verdict_is_recorded_and_keeps_leaf(verdict):
     judge, rig = Judge(verdict), fake_cell([AT_21])
     cell = replace(rig.cell, auditor=judge)
     result = Executor(small_table(), cell, Deaf()).run_part(7)
@@ -40,25 +40,25 @@ def test_leaf_is_audited_and_never_stops_the_cell(verdict):
 DELIVERY = from_text("40,-20,90")
 
 
-def test_leaf_delivered_is_taken_at_its_pose_and_put_down():
+def test_executor_delivery_grips_part_at_leaf_and_puts_it_down():
     rig = fake_cell([AT_21, AT_21])
     result = run(rig, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery, result.exit_code) == (Outcome.LEAF, "done", 0)
-    heights = [call.arguments[2] for call in rig.log.named("move_linear")]
-    places = [call.arguments[:2] for call in rig.log.named("move_linear")]
+    heights = [target[2] for target in arm_moves(rig)]
+    places = [target[:2] for target in arm_moves(rig)]
     assert heights[-6:] == [60.0, 10.0, 60.0, 60.0, 10.0, 60.0]
     assert places[-6:] == [(0.0, 0.5)] * 3 + [(40.0, -20.0)] * 3
     assert jaw_moves(rig)[-1][0] == 0
     assert rig.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
-    # A hand that may hold something turns as if it reached far, an empty one as far as it reaches.
+    # The turning radius is larger for a hand that may hold a part than for an empty one.
     assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
 
 
-def test_leaf_delivered_arrives_at_its_pose():
+def test_executor_delivery_with_grasp_arrives_at_drop_pose():
     delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
     rig = fake_cell([AT_21, AT_21])
     assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
-    places = [call.arguments[:4] for call in rig.log.named("move_linear")]
+    places = [target[:4] for target in arm_moves(rig)]
     assert places[-6] == pytest.approx((3.0, 1.5, 60.0, 0.25))
     assert places[-1] == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
 
@@ -71,7 +71,7 @@ def ends(result: PartResult) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("reading", [EMPTY, AT_36])
-def test_leaf_that_is_not_there_is_left_and_reported(reading):
+def test_executor_delivery_of_missing_part_is_reported(reading):
     rig = fake_cell([AT_21, reading])
     result = run(rig, RunOptions(delivery=replace(DELIVERY, width_mm=(20.0, 22.0))))
     assert ends(result) == MISSED
@@ -80,7 +80,7 @@ def test_leaf_that_is_not_there_is_left_and_reported(reading):
 
 
 @pytest.mark.parametrize("change", [{"object_flag": ARRIVED}, {"position_counts": 180}])
-def test_leaf_that_slips_while_it_is_carried_is_a_fault(change):
+def test_executor_delivery_of_slipping_part_is_fault(change):
     rig = fake_cell([AT_21, AT_21])
     lift = rig.arm.move_linear
 
@@ -113,7 +113,7 @@ def beyond_40(start, target) -> str:
     ],
     ids=["area", "wrist", "reach"],
 )
-def test_leaf_the_arm_cannot_deliver_is_refused_before_it_is_taken(delivery, limits, said):
+def test_executor_delivery_beyond_arm_is_refused_before_gripping(delivery, limits, said):
     rig = fake_cell([AT_21, AT_21])
     for name, limit in limits.items():
         setattr(rig.arm, name, limit)
@@ -123,15 +123,15 @@ def test_leaf_the_arm_cannot_deliver_is_refused_before_it_is_taken(delivery, lim
     assert not rig.gripper.gripping
 
 
-def test_leaf_is_delivered_in_an_area_of_its_own():
+def test_executor_delivery_uses_its_work_area():
     delivery = replace(FAR, area_um=Area(-60_000, -60_000, 120_000, 60_000))
     assert run(fake_cell([AT_21, AT_21]), RunOptions(delivery=delivery)).delivery == "done"
 
 
 def taken_and_put(rig: FakeCell, text: str, table: Table) -> tuple[float, float]:
-    """The hand's angles, deg, where it took the part and where it put it down."""
+    """The hand's angles [deg] at the grip of the part and where the part is put down."""
     assert run(rig, RunOptions(delivery=from_text(text)), table).delivery == "done"
-    angles = [round(degrees(call.arguments[3]), 3) for call in rig.log.named("move_linear")]
+    angles = [round(degrees(target[3]), 3) for target in arm_moves(rig)]
     return angles[-5], angles[-1]
 
 
@@ -146,16 +146,16 @@ def table_of(symmetry: int, share: float | None) -> Table:
         (1, None, (0, 170)),
         (2, None, (0, -10)),
         (4, None, (0, -10)),
-        (1, 0.5, (0, 170)),  # taken with the hand half a turn round, it would turn as far
+        (1, 0.5, (0, 170)),  # a half-turned grip would not shorten the turn
         (1, 0.4, (0, 170)),
     ],
 )
-def test_leaf_is_delivered_to_the_nearest_of_drop_offs_that_look_the_same(symmetry, share, angles):
+def test_executor_delivery_turns_to_nearest_symmetric_drop_off(symmetry, share, angles):
     rig = fake_cell([AT_21, AT_21])
     assert taken_and_put(rig, "40,-20,170", table_of(symmetry, share)) == angles
 
 
-def test_leaf_is_taken_half_a_turn_round_where_jaws_close_alike():
+def test_executor_delivery_grips_half_turned_only_with_even_fingers():
     rig = fake_cell([AT_21, AT_21])
     rig.arm.turns = (radians(-185), radians(100))
     assert taken_and_put(rig, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
@@ -165,12 +165,12 @@ def test_leaf_is_taken_half_a_turn_round_where_jaws_close_alike():
     assert missed.delivery == "missed"
 
 
-# Back, in motions so small that no controller takes the short way.
+# The way back is split into motions so small that no controller takes the short way.
 @pytest.mark.parametrize(("most", "angles"), [(inf, [344, 360]), (6.2, [344, 229, 115, 0])])
-def test_squeezes_turn_the_nearest_way_within_the_range(most, angles):
+def test_executor_squeeze_turns_nearest_way_within_range(most, angles):
     rig = fake_cell([AT_21])
     rig.arm.at, rig.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
     run(rig, RunOptions())
-    turned = [round(degrees(call.arguments[3])) for call in rig.log.named("move_linear")]
+    turned = [round(degrees(target[3])) for target in arm_moves(rig)]
     assert turned[: len(angles)] == angles
     assert turned[-1] == angles[-1]

@@ -9,7 +9,7 @@ from counting import width_um
 from fake_cell import fake_cell
 from refusals import refusal
 from sample_tables import changed, small_table, with_job
-from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
+from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, arm_moves, jaw_moves, meeting, run
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
@@ -24,13 +24,13 @@ from runtime.traversal.results import Outcome
     [
         (False, ARC, AT_21),
         (True, ARC, AT_21),
-        (False, replace(ARC, level_mm=0.25), AT_36),  # so level that letting go takes stages too
+        (False, replace(ARC, level_mm=0.25), AT_36),  # so level that opening takes stages too
         (True, replace(ARC, level_mm=0.25), AT_60),
         (False, ARC, CLOSED),
         (True, ARC, CLOSED),
     ],
 )
-def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, stop):
+def test_executor_level_tips_stay_at_height_while_jaws_move(regulated, arc, stop):
     rig = meeting(stop[0])
     result = run(rig, RunOptions(handling=Handling(regulated=regulated, arc=arc)))
     assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
@@ -49,13 +49,13 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, sto
             tips += [z_mm - arc.advance_mm(width) for width in widths]
         elif call.name == "move":
             width_mm = width_um(max(call.arguments[0], 3)) / 1000
-    targets = [call.arguments[:4] for call in rig.log.named("move_linear")]
+    targets = arm_moves(rig)
     assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
     assert tips
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
 
 
-def test_tips_on_an_arc_pass_above_a_part_of_known_height_however_far_the_jaws_are_open():
+def test_hand_with_tip_arc_regrasps_above_part_at_any_opening():
     rig, table = fake_cell([]), with_job(small_table(), '{"part":{"height_mm":16.0}}')
     straight, arced = (
         Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc)).timing.regrasp_mm
@@ -81,14 +81,14 @@ def test_tips_on_an_arc_pass_above_a_part_of_known_height_however_far_the_jaws_a
         (TipArc(taught_mm=80.0), 60_000, "", True),
     ],
 )
-def test_arc_that_the_gripper_or_the_cell_cannot_follow_is_refused(arc, retreat_um, said, allowed):
+def test_hand_with_impossible_tip_arc_is_refused(arc, retreat_um, said, allowed):
     rig = fake_cell([])
     table = changed(small_table(), {"limits.retreat_height_um": retreat_um})
     with refusal(TableError, said, unless=allowed):
         Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc))
 
 
-def test_contact_while_opening_is_no_contact_to_squeeze_harder_on():
+def test_executor_contact_while_opening_is_fault_without_force():
     rig = fake_cell([(AT_21[0], 1)])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
@@ -96,8 +96,8 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on():
     assert [force for position, _, force in jaw_moves(rig) if position > 0] == [0]
 
 
-def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height():
+def test_executor_arm_follows_tips_not_below_squeeze_height():
     """Taught at 80 mm, the tips stand 2 mm higher where the jaws open to 85."""
     rig = meeting(AT_21[0])
     assert run(rig, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
-    assert min(call.arguments[2] for call in rig.log.named("move_linear")) == 10.0
+    assert min(target[2] for target in arm_moves(rig)) == 10.0

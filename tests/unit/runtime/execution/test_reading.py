@@ -1,4 +1,4 @@
-"""Readings that are acted upon: fresh, possible, flag, width and current of one mind."""
+"""Checks of a reading: it must be fresh and possible, and its flag, width and current must agree."""
 
 import itertools
 
@@ -36,12 +36,12 @@ def test_check_fresh_of_another_request_is_stale(echo):
 
 
 @pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True)])
-def test_check_fresh_of_a_motion_that_goes_on_is_refused(flag, fresh):
+def test_check_fresh_flag_of_continuing_motion_is_refused(flag, fresh):
     with refusal(GripperStateError, "finished and as going on", unless=fresh):
         check_fresh(settled(flag=flag), CLOSED_UM)
 
 
-def test_check_closed_refuses_count_and_flag_that_do_not_agree():
+def test_check_closed_contradictory_count_and_flag_are_refused():
     for count, flag in itertools.product(range(256), (1, 2, 3)):
         believed = flag == 2 or (flag == 3 and width_um(count) <= GRIPPER.empty_um)
         said = "while opening" if flag == 1 else "one of the two is wrong"
@@ -49,8 +49,8 @@ def test_check_closed_refuses_count_and_flag_that_do_not_agree():
             check_closed(settled(count, flag), CALIBRATION, BAND)
 
 
-def test_check_closed_allows_what_is_thin_to_go_undetected_and_nothing_wider():
-    """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
+def test_check_closed_undetected_part_is_allowed_up_to_5_mm():
+    """2F-85 manual, "object detection": the flag may miss a thin part, which only the width shows."""
     for width, fits in ((5_000, True), (5_001, False)):
         reading = settled(flag=3)._replace(width_um=width)
         with refusal(GripperStateError, r"nothing and stands 5\.00 mm open", unless=fits):
@@ -64,22 +64,22 @@ def test_check_closed_allows_what_is_thin_to_go_undetected_and_nothing_wider():
         (BAND, 2, 1000, True),
         (BAND, 2, 1001, False),
         (BAND, 3, 2550, False),
-        (BAND, 2, -1, False),  # a motor cannot draw less than nothing
+        (BAND, 2, -1, False),  # no motor draws a negative current
         (BAND, 3, -1, False),
         ((50, 800), 2, 40, False),
         ((50, 800), 2, 50, True),
         ((50, 800), 2, 800, True),
         ((50, 800), 2, 810, False),
-        ((50, 800), 3, 0, True),  # nothing between the fingers draws nothing
+        ((50, 800), 3, 0, True),  # an empty grip draws no current
     ],
 )
-def test_check_closed_does_not_believe_currents_outside_the_band(band, flag, current, believed):
+def test_check_closed_current_outside_band_is_refused(band, flag, current, believed):
     count = 170 if flag == 2 else 229
     with refusal(GripperStateError, f"draws {current} mA at rest", unless=believed):
         check_closed(settled(count, flag, current), CALIBRATION, band)
 
 
-def test_check_opened_of_jaws_that_opened_too_little_is_refused():
+def test_check_opened_too_little_or_stale_is_refused():
     for request in range(4, 200):
         asked = width_um(request)
         check_opened(settled(request, 3, 0, request), asked, CALIBRATION)
@@ -96,9 +96,7 @@ def test_check_opened_of_jaws_that_opened_too_little_is_refused():
     ("count", "flag", "passed"),
     [(100, 3, True), (102, 3, True), (98, 3, True), (103, 3, None), (80, 2, False), (100, 1, None)],
 )
-def test_check_passed_tells_a_stroke_that_passed_met_something_or_contradicts_itself(
-    count, flag, passed
-):
+def test_check_passed_is_true_if_free_and_false_at_contact(count, flag, passed):
     reading = settled(count, flag, 0, 100)
     if passed is not None:
         assert check_passed(reading, width_um(100), CALIBRATION) is passed

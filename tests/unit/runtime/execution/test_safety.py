@@ -1,4 +1,4 @@
-"""What is refused before it is sent, and where a motion has to have ended."""
+"""Targets that are refused before they are sent, the place where a motion must end, and the safe state."""
 
 import math
 from dataclasses import replace
@@ -38,12 +38,12 @@ def but(**changed: float) -> tuple[float, float, float, float]:
         *((but(**{name: bad}), "no place") for name in "xyza" for bad in (math.nan, math.inf)),
     ],
 )
-def test_check_target_allows_the_limits_themselves_and_nothing_beyond(pose, message):
+def test_check_target_beyond_limits_is_refused(pose, message):
     with refusal(MotionRefusedError, message, unless=not message):
         safety.check_target(pose, LIMITS)
 
 
-def test_check_placed_allows_a_turn_too_many_and_no_hundredth():
+def test_check_placed_allows_whole_turn_and_refuses_small_angle():
     arm = fake_cell([]).arm
     arm.at = but(a=0.3 - math.tau)
     safety.check_placed(arm, INSIDE)
@@ -54,7 +54,7 @@ def test_check_placed_allows_a_turn_too_many_and_no_hundredth():
 
 @pytest.mark.parametrize("arm_known", [True, False])
 @pytest.mark.parametrize("fail_at", range(-1, 5))
-def test_safe_state_is_reached_whatever_fails_and_moves_no_unknown_arm(arm_known, fail_at):
+def test_reach_safe_state_any_failure_moves_no_unknown_arm(arm_known, fail_at):
     rig = fake_cell([], Log(fail_at, ConnectionError("gone")))
     notes = reach_safe_state(rig.gripper, rig.arm, LIMITS, arm_known=arm_known)
     assert len(notes) == 2
@@ -79,7 +79,7 @@ def test_safe_state_is_reached_whatever_fails_and_moves_no_unknown_arm(arm_known
         ("hand-e", 20, 186, r"squeezes with 186 N; the gripper does 20..185"),
     ],
 )
-def test_check_table_allows_what_its_gripper_does(model, speed_mm_s, force_n, message):
+def test_check_table_beyond_gripper_is_refused(model, speed_mm_s, force_n, message):
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)

@@ -1,4 +1,4 @@
-"""A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
+"""A run of many parts: its output, what ends it, and its exit code; without a process or a port."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ def run(rig: FakeCell, truth: object, console: Console, count: int = 1, *, activ
     return session.run_journalled(small_table(), cell, console, options)
 
 
-def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins():
+def test_run_journalled_rejects_continue_and_gravest_code_wins():
     rig = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
     tally = run(rig, None, Lines(small_table()), 4)
     outcomes = {"leaf": 2, "reject": 1, "unresolved": 1}
@@ -38,7 +38,7 @@ def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_win
     assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (10, 5, None, None)
 
 
-def test_a_fault_ends_a_run():
+def test_run_journalled_fault_ends_run():
     rig = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
     tally = run(rig, None, Lines(small_table()), 5)
     assert tally.fields()["outcomes"] == {"leaf": 1, "fault": 1}
@@ -50,7 +50,7 @@ def test_a_fault_ends_a_run():
     ("state", "said"),
     [(State(activated=False), "not activated"), (State(fault=0x0E), r"0x0E.*with --activate")],
 )
-def test_only_permission_lets_a_gripper_that_is_not_ready_sweep(state, said):
+def test_run_journalled_unready_gripper_needs_activate(state, said):
     rig = fake_cell([AT_21])
     rig.gripper.now = state
     with pytest.raises(GripperStateError, match=said):
@@ -61,14 +61,14 @@ def test_only_permission_lets_a_gripper_that_is_not_ready_sweep(state, said):
     assert len(rig.log.named("activate")) == 1
 
 
-def test_ctrl_c_between_parts_is_recorded():
+def test_run_journalled_ctrl_c_at_first_call_is_recorded():
     rig = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         run(rig, None, Lines(small_table()))
     assert rig.journal.kept[-1][1]["exit_code"] == 40
 
 
-def test_objects_are_one_line_a_part_with_everything_in_it(capsys):
+def test_objects_print_one_complete_line_per_part(capsys):
     rig, table = fake_cell([AT_21, AT_36]), small_table()
     run(rig, TRUTH, Objects(table, JOURNAL), 2)
     leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
@@ -107,7 +107,9 @@ def tree(tmp_path, monkeypatch):
         ("--port sim --world runtime.devices.rehearsal:make --journal /dev/full", 24, "no regular"),
     ],
 )
-def test_wrong_arguments_are_one_line_and_their_own_code(tree, capfd, arguments, code, message):
+def test_grasp_runtime_wrong_arguments_exit_with_code_and_message(
+    tree, capfd, arguments, code, message
+):
     assert main(["--tree", str(tree), *arguments.split()]) == code
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith("grasp-runtime: ")

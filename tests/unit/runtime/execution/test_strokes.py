@@ -1,4 +1,4 @@
-"""The strokes of a squeeze: gentle until contact, never stronger or faster than the node, and level."""
+"""The strokes of a squeeze, gentle until contact, and the gripper profiles that they use."""
 
 import sys
 from dataclasses import replace
@@ -33,7 +33,7 @@ def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> li
 @pytest.mark.parametrize("node", NODES[::3])
 @pytest.mark.parametrize("arc", [None, TipArc(), TipArc(level_mm=0.7)])
 @pytest.mark.parametrize("contact_um", [None, 41_000, 84_000])
-def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(node, arc, contact_um):
+def test_closing_regulated_is_weak_and_fast_only_before_contact(node, arc, contact_um):
     planned = plan(node._replace(contact_um=contact_um), arc)
     assert {stroke.force_n for stroke in planned} == {PROFILE.force_n[0]}
     requests = [stroke.request_um for stroke in planned]
@@ -50,7 +50,7 @@ def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(node
     ("force_mn", "forces"),
     [(20_500, [0]), (73_900, [63]), (75_000, [64, 65]), (235_000, [64, 128, 192, 255])],
 )
-def test_the_force_rises_in_steps_to_the_nodes_own(force_mn, forces):
+def test_raising_force_rises_in_steps_to_force_of_node(force_mn, forces):
     squeeze = with_force(small_table().nodes[0], force_mn).squeeze
     raised = strokes.raising(squeeze, Handling(regulated=True), PROFILE)
     assert strokes.raising(squeeze, Handling(), PROFILE) == []
@@ -67,7 +67,7 @@ def test_the_force_rises_in_steps_to_the_nodes_own(force_mn, forces):
         ("Robotiq Hand-E", "hand-e"),
     ],
 )
-def test_profile_of_a_model_goes_by_its_name(message, model):
+def test_profile_of_name_of_model_is_its_profile(message, model):
     assert profile_of(message) is PROFILES[model]
 
 
@@ -75,13 +75,13 @@ def test_profile_of_a_model_goes_by_its_name(message, model):
     "model",
     ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"],
 )
-def test_profile_of_a_model_that_is_not_known_is_refused(model):
+def test_profile_of_unknown_model_is_refused(model):
     with refused_in_a_line(TableError, "not known; there are robotiq-2f-85"):
         profile_of(model)
 
 
 def bring(profile: object, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Installs a package that brings a profile, as pip leaves it."""
+    """Install a package with a profile, as pip would."""
     info = folder / "other_make-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other_make\nVersion: 1.0\n")
@@ -93,7 +93,7 @@ def bring(profile: object, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.delitem(sys.modules, "other_profile", raising=False)
 
 
-def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeypatch):
+def test_profile_of_plugin_gripper_comes_from_its_package(tmp_path, monkeypatch):
     brought = GripperProfile("other-60", 60_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0))
     bring(brought, tmp_path, monkeypatch)
     assert profile_of("Other 60") == brought
@@ -102,7 +102,7 @@ def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeyp
 @pytest.mark.parametrize(
     "profile", [None, GripperProfile("other-60", 60_000, 10.0, 20, (50.0, 5.0), (1.0, 60.0))]
 )
-def test_profile_that_is_none_is_refused(profile, tmp_path, monkeypatch):
+def test_profile_of_plugin_that_is_invalid_is_refused(profile, tmp_path, monkeypatch):
     bring(profile, tmp_path, monkeypatch)
     with pytest.raises(TableError, match="not understood"):
         profile_of("other-60")

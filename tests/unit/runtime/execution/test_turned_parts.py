@@ -1,4 +1,4 @@
-"""A part whose plan is turned to where the hand stands: the same leaf, its pose turned, and who is told."""
+"""A part whose plan is turned to the angle of the hand: its leaf and pose, its journal and its history."""
 
 import base64
 import json
@@ -9,7 +9,7 @@ import pytest
 from audited_journals import Chain
 from fake_cell import Deaf, FakeCell, fake_cell
 from sample_tables import small_table, with_job
-from squeezes import AT_21, AT_30, run
+from squeezes import AT_21, AT_30, arm_moves, run
 
 from runtime.execution.delivery import Delivery
 from runtime.execution.executor import Executor, RunOptions
@@ -20,7 +20,7 @@ from runtime.traversal.results import PartResult
 
 
 def unknown() -> Table:
-    """The small table of a part of which nobody knows how it is turned."""
+    """The small table for a part of unknown orientation."""
     job = {
         "gripper": {"upper_finger_share": 0.5},
         "uncertainty": {"radius_mm": 10.0, "orientation_halfwidth_deg": 180.0},
@@ -29,14 +29,14 @@ def unknown() -> Table:
 
 
 def located(table: Table, angle_rad: float, options: RunOptions | None = None):
-    """A part located by two squeezes, the hand at first at an angle; the cell and the result."""
+    """The cell and the result of a part located by two squeezes, with the hand first at `angle_rad`."""
     rig = fake_cell([AT_30, AT_21])
     rig.arm.at = (*rig.arm.at[:3], angle_rad)
     return rig, run(rig, options or RunOptions(), table)
 
 
 def angles(rig: FakeCell) -> list[float]:
-    return [call.arguments[3] for call in rig.log.named("move_linear")]
+    return [target[3] for target in arm_moves(rig)]
 
 
 def turns(rig: FakeCell) -> list[int]:
@@ -44,7 +44,7 @@ def turns(rig: FakeCell) -> list[int]:
 
 
 def from_hand(result: PartResult, table: Table) -> tuple[float, float, float]:
-    """The pose answered, as the last squeeze's hand sees it: distance, and angle modulo half a turn."""
+    """Distance and angle (modulo half a turn) of the answered pose from the last squeeze, and the leaf."""
     leaf, hand = result.leaf_of(table), result.steps[-1].squeeze
     assert leaf is not None
     x, y, theta = predicted_pose(leaf)
@@ -53,7 +53,7 @@ def from_hand(result: PartResult, table: Table) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("angle_rad", [-2.5, 0.1, 1.3])
-def test_part_of_unknown_orientation_begins_at_the_angle_of_the_hand(angle_rad) -> None:
+def test_executor_unknown_orientation_starts_at_angle_of_hand(angle_rad) -> None:
     table = unknown()
     rig, result = located(table, angle_rad)
     _, plain = located(table, angle_rad, RunOptions(turns=False))
@@ -65,7 +65,7 @@ def test_part_of_unknown_orientation_begins_at_the_angle_of_the_hand(angle_rad) 
     assert plain.turn_urad == 0
 
 
-def test_part_begun_where_the_plan_begins_is_not_turned() -> None:
+def test_executor_plan_at_angle_of_hand_is_not_turned() -> None:
     rig, result = located(unknown(), 0.0)
     assert turns(rig) == []
     assert result.turn_urad == 0
@@ -81,7 +81,7 @@ def test_part_begun_where_the_plan_begins_is_not_turned() -> None:
     ],
     ids=["stripped", "person", "delivery", "wrist"],
 )
-def test_part_is_not_turned_where_the_cell_does_not_allow_it(table, options, wrist) -> None:
+def test_executor_plan_is_not_turned_where_cell_forbids(table, options, wrist) -> None:
     rig = fake_cell([AT_21, AT_21])
     rig.arm.at, rig.arm.turns = (*rig.arm.at[:3], 1.3), wrist
     assert run(rig, options, table).turn_urad == 0
@@ -89,14 +89,14 @@ def test_part_is_not_turned_where_the_cell_does_not_allow_it(table, options, wri
 
 
 @pytest.mark.parametrize("angle_rad", [-4.6, -1.0, 4.6])
-def test_turned_part_keeps_within_the_wrists_range(angle_rad) -> None:
+def test_executor_turned_plan_stays_within_wrist_range(angle_rad) -> None:
     rig = fake_cell([AT_30, AT_21])
     rig.arm.at, rig.arm.turns = (*rig.arm.at[:3], angle_rad), (-1.5 * pi, 1.5 * pi)
     assert run(rig, RunOptions(), unknown()).leaf == 1
     assert all(abs(angle) <= 1.5 * pi for angle in angles(rig))
 
 
-def test_part_resumed_keeps_the_turn_of_its_run() -> None:
+def test_executor_resumed_part_keeps_turn() -> None:
     table = unknown()
     rig, result = located(table, 1.3)
     header = {"kind": "header", "table_base64": base64.b64encode(dumps(table)).decode(), "seq": 0}
@@ -111,7 +111,7 @@ def test_part_resumed_keeps_the_turn_of_its_run() -> None:
     assert resumed.leaf_of(table) == result.leaf_of(table)
 
 
-def test_history_holds_residual_and_truth_of_a_turned_part_as_its_plan_sees_them(tmp_path) -> None:
+def test_history_read_turned_part_is_in_frame_of_plan(tmp_path) -> None:
     path, turn_urad = tmp_path / "journal.jsonl", 1_570_796
     with Chain(path) as journal:
         journal.header(unknown())
@@ -127,7 +127,7 @@ def test_history_holds_residual_and_truth_of_a_turned_part_as_its_plan_sees_them
     assert part.true == pytest.approx((0.1, 0.7, 0.01), abs=1e-5)  # the leaf is at (0, 0.5), 0 deg
 
 
-def test_journal_of_a_turned_part_tells_its_squeezes_in_the_world() -> None:
+def test_journal_squeezes_of_turned_part_are_in_world_frame() -> None:
     rig, result = located(unknown(), 1.3)
     squeezes = [fields for kind, fields in rig.journal.kept if kind == "squeeze"]
     stated = [fields["angle_urad"] for fields in squeezes]

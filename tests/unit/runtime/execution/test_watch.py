@@ -1,4 +1,4 @@
-"""The deadline of a squeeze: what raises it, when, and which device it names."""
+"""The deadline of a squeeze: when it raises, and which device it names."""
 
 import time
 from dataclasses import replace
@@ -17,7 +17,7 @@ from runtime.traversal.results import Outcome
 
 
 class SlowDevice:
-    """A device whose call takes so many seconds of the clock."""
+    """A device whose call takes `seconds` of the clock."""
 
     def __init__(self, clock, seconds):
         self.clock, self.seconds, self.calls = clock, seconds, 0
@@ -35,7 +35,7 @@ class SlowDevice:
         ("this machine", "this machine took 80.0 s, 0.0 s are usual", [1, 1, 2]),
     ],
 )
-def test_squeeze_late_names_the_cause_and_begins_no_further_call_of_a_device(slow, message, called):
+def test_watch_late_squeeze_names_cause_and_stops_device_calls(slow, message, called):
     clock = FakeClock()
     watch, names = Watch(clock), ("gripper", "arm", "this machine")
     devices = [SlowDevice(clock, 40.0 if name == slow else 1.0) for name in names]
@@ -52,8 +52,8 @@ def test_squeeze_late_names_the_cause_and_begins_no_further_call_of_a_device(slo
     assert [device.calls for device in devices] == called
 
 
-def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
-    """As a stop request ends it: whatever the driver waits for."""
+def test_watch_endless_call_ends_at_deadline(monkeypatch):
+    """The deadline interrupts a call as a stop request does, whatever the driver waits for."""
     monkeypatch.setattr(clocks, "LINK_MARGIN_S", 0.1)
     watch = Watch(SystemClock())
 
@@ -72,7 +72,7 @@ def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
     assert raised.value.exit_code == 20
 
 
-def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the_arm():
+def test_executor_slow_arm_is_fault_before_jaws_close():
     rig = fake_cell([(200, 2)])
     clock = rig.cell.clock
     table = small_table()

@@ -1,4 +1,4 @@
-"""The log of what was installed: a record for each change, chained, and no other."""
+"""The log of installed versions: one chained record for each change."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ def noted(journal, table=SMALL, **changed):
     return note(runs, table, {**FACTS, **changed})
 
 
-def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):
+def test_note_adds_record_only_for_a_change(tmp_path):
     journal = tmp_path / "j.jsonl"
     assert noted(journal)
     before = log_of(journal).read_bytes()
@@ -29,7 +29,7 @@ def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):
     assert noted(journal, OTHER)
     assert noted(journal, OTHER, calibration_sha256="ab")
     assert noted(journal, OTHER, calibration_sha256="ab", squeezetree="0.2.0")
-    assert noted(journal)  # back to the first: an older version that was installed again shows
+    assert noted(journal)  # an older version that is installed again is a change too
     assert log_of(journal).read_bytes().startswith(before)
     seen = verify(log_of(journal))
     assert (seen.runs, seen.closed) == (5, True)
@@ -38,7 +38,7 @@ def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):
     assert digests[0] == digests[4] != digests[1] == digests[2]
 
 
-def test_a_log_that_was_changed_is_refused(tmp_path):
+def test_note_changed_log_is_refused(tmp_path):
     journal = tmp_path / "j.jsonl"
     noted(journal)
     log = log_of(journal)
@@ -47,7 +47,7 @@ def test_a_log_that_was_changed_is_refused(tmp_path):
         noted(journal)
 
 
-def test_a_log_that_another_process_writes_is_refused(tmp_path):
+def test_note_log_with_another_writer_is_refused(tmp_path):
     journal = tmp_path / "j.jsonl"
     writing = Journal(log_of(journal), lambda: "2026-11-27T03:00:00.000Z")
     with writing, pytest.raises(JournalError, match="another"):

@@ -1,4 +1,4 @@
-"""The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
+"""The journal: chained, verified to the last byte, never overwritten; a full disk is an error."""
 
 import base64
 import itertools
@@ -20,7 +20,7 @@ VERSION = {"journal_version": 1}
 
 
 def written(path: Path, *, closed: bool = True) -> Path:
-    """One run of two records and its end."""
+    """A journal of one run: header, squeeze and, if closed, its end."""
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, {"port": "sim"})
         journal.record("squeeze", {"part": 1, "width_um": 21_000})
@@ -29,8 +29,12 @@ def written(path: Path, *, closed: bool = True) -> Path:
     return path
 
 
-def test_journal_written_verifies_and_gives_its_records_and_table_back(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+@pytest.fixture
+def path(tmp_path):
+    return written(tmp_path / "j.jsonl")
+
+
+def test_journal_complete_run_verifies_and_returns_records_and_table(path):
     seen = verify(path)
     assert (seen.records, seen.runs, seen.closed) == (3, 1, True)
     assert base64.b64decode(next(records(path))["table_base64"]) == TABLE
@@ -39,8 +43,7 @@ def test_journal_written_verifies_and_gives_its_records_and_table_back(tmp_path)
     assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == kinds
 
 
-def test_verify_finds_every_changed_byte_in_its_line_or_the_next(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_verify_changed_byte_is_reported_in_its_line_or_next(path):
     data = path.read_bytes()
     starts = [0, *(at + 1 for at, byte in enumerate(data) if byte == ord("\n"))]
     for at in range(len(data)):
@@ -53,8 +56,7 @@ def test_verify_finds_every_changed_byte_in_its_line_or_the_next(tmp_path):
         assert refused.value.line in (line, line + 1)
 
 
-def test_journal_of_a_torn_header_is_begun_anew(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_with_torn_header_starts_anew(path):
     path.write_bytes(path.read_bytes()[:100])
     with Journal(path, STAMP) as journal:
         assert (journal.cut_bytes, path.read_bytes()) == (100, b"")
@@ -63,7 +65,7 @@ def test_journal_of_a_torn_header_is_begun_anew(tmp_path):
 
 
 @pytest.mark.parametrize("call", ["write", "fsync"])
-def test_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatch, call):
+def test_record_failed_write_is_undone_and_later_ones_refused(tmp_path, monkeypatch, call):
     path = written(tmp_path / "j.jsonl", closed=False)
     whole = path.read_bytes()
     real = os.write
@@ -87,8 +89,8 @@ def test_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatch,
     assert not verify(path).closed
 
 
-def test_record_stopped_at_any_moment_leaves_a_whole_journal(tmp_path):
-    """Ctrl-C may come between any two steps; the safe sequence then writes on."""
+def test_record_interrupted_at_any_step_leaves_valid_journal(tmp_path):
+    """Ctrl-C may come between any two steps; the safe sequence still writes its records afterwards."""
     module = Journal.record.__code__.co_filename
     interrupted = 0
     for last in itertools.count():
@@ -125,8 +127,7 @@ def test_record_stopped_at_any_moment_leaves_a_whole_journal(tmp_path):
     assert interrupted > 100
 
 
-def test_journal_of_a_second_run_continues_the_chain(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_second_run_continues_chain(path):
     before = path.read_bytes()
     written(path, closed=False)
     assert path.read_bytes().startswith(before)
@@ -134,20 +135,19 @@ def test_journal_of_a_second_run_continues_the_chain(tmp_path):
     assert (seen.records, seen.runs, seen.closed) == (5, 2, False)
 
 
-def test_verify_refuses_a_record_outside_a_run(tmp_path):
-    path = written(tmp_path / "j.jsonl")
+def test_verify_record_outside_run_is_refused(path):
     with Journal(path, STAMP) as journal:
         journal.record("squeeze", {"part": 2})
     with pytest.raises(JournalError, match="line 4: does not belong to a run"):
         verify(path)
 
 
-def test_journal_refuses_a_second_writer(tmp_path):
+def test_journal_second_writer_is_refused(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP), pytest.raises(JournalError, match="another process"):
         Journal(tmp_path / "j.jsonl", STAMP)
 
 
-def test_journal_refuses_what_is_no_regular_file_and_leaves_it(tmp_path):
+def test_journal_irregular_file_is_refused_and_unchanged(tmp_path):
     target = written(tmp_path / "j.jsonl")
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
@@ -166,7 +166,7 @@ NO_JOURNALS += [RECORD + b"}\nmore", b"\n" + RECORD, RECORD + b"x" * (8 << 20)]
 
 
 @pytest.mark.parametrize("content", NO_JOURNALS, ids=range(len(NO_JOURNALS)))
-def test_journal_leaves_a_file_that_is_none_as_it_is(tmp_path, content):
+def test_journal_foreign_file_is_refused_and_unchanged(tmp_path, content):
     path = tmp_path / "config.json"
     path.write_bytes(content)
     with pytest.raises(JournalError):
@@ -175,8 +175,7 @@ def test_journal_leaves_a_file_that_is_none_as_it_is(tmp_path, content):
 
 
 @pytest.mark.parametrize("tail", [b"notes", b'{"seq":4,"time":"', b'{"seq":3,"tome":"', b"\n{"])
-def test_journal_leaves_a_tail_that_is_no_record_begun(tmp_path, tail):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_foreign_tail_is_refused_and_unchanged(path, tail):
     path.write_bytes(content := path.read_bytes() + tail)
     for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
         with pytest.raises(JournalError, match="line 4"):
@@ -187,8 +186,7 @@ def test_journal_leaves_a_tail_that_is_no_record_begun(tmp_path, tail):
 @pytest.mark.parametrize(
     "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"2', b'{"seq":3,\0\0\0', b"\0\0"]
 )
-def test_journal_cuts_off_what_a_crash_left_of_a_record(tmp_path, tail):
-    path = written(tmp_path / "j.jsonl")
+def test_journal_torn_last_record_is_cut_off(path, tail):
     whole = path.read_bytes()
     path.write_bytes(whole + tail)
     with pytest.raises(JournalError, match="line 4: cut short"):
@@ -198,14 +196,14 @@ def test_journal_cuts_off_what_a_crash_left_of_a_record(tmp_path, tail):
     assert path.read_bytes() == whole
 
 
-def test_journal_refuses_a_path_that_cannot_be_written(tmp_path):
+def test_journal_missing_folder_and_empty_file_are_refused(tmp_path):
     with pytest.raises(JournalError, match="No such file or directory; make its folder"):
         Journal(tmp_path / "no folder" / "j.jsonl", STAMP)
     with pytest.raises(JournalError, match="is empty"):
         verify(Path("/dev/null"))
 
 
-def test_record_takes_no_reserved_names_nor_numbers_json_lacks(tmp_path):
+def test_record_reserved_names_and_nan_are_refused(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         with pytest.raises(ValueError, match="reserved field names: \\['seq'\\]"):
             journal.record("squeeze", {"seq": 1})
@@ -223,8 +221,8 @@ def test_record_takes_no_reserved_names_nor_numbers_json_lacks(tmp_path):
         (sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}')[0], "has sequence"),
     ],
 )
-def test_verify_refuses_a_line_that_has_but_its_digest(tmp_path, line, message):
-    """Whoever can write a file can also write digests; the chain is what cannot be joined."""
+def test_verify_invalid_or_unchained_line_is_refused(tmp_path, line, message):
+    """Anyone who can write the file can compute a digest; the line must also continue the chain."""
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
     with pytest.raises(JournalError, match=f"line 1: {message}"):
@@ -242,7 +240,7 @@ def test_verify_refuses_a_line_that_has_but_its_digest(tmp_path, line, message):
         ),
     ],
 )
-def test_verify_reports_a_header_of_another_kind(tmp_path, fields, message):
+def test_verify_invalid_header_is_refused(tmp_path, fields, message):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", fields)
     with pytest.raises(JournalError, match=f"line 1: {message}"):

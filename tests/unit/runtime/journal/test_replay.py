@@ -1,4 +1,4 @@
-"""A journal's claims are derived again from its counts; each claim that does not follow is found."""
+"""Replay derives a journal's claims again from its counts and reports each claim that does not follow."""
 
 import pytest
 from sample_tables import GRIPPER
@@ -20,13 +20,13 @@ def findings(entries: list[dict[str, object]]) -> list[Finding]:
     return list(Replay().follow(entries))
 
 
-def test_a_run_as_it_was_written_replays(journal):
+def test_replay_unchanged_run_has_no_findings(journal):
     replay = Replay()
     assert list(replay.follow(records(journal))) == []
     assert (replay.decisions, replay.parts, replay.closed, replay.part) == (6, 4, True, None)
 
 
-def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path):
+def test_replay_uses_calibration_of_run(tmp_path):
     same = Calibration(GRIPPER.profile, ((0, 0), (85_000, 85_000)))
     path = write_run(tmp_path / "own.jsonl", calibration=same)
     assert findings(list(records(path))) == []
@@ -56,7 +56,7 @@ def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path):
         ("outcome", {"exit_code": 10}, "reports exit code 10, LEAF has 0"),
     ],
 )
-def test_a_claim_that_does_not_follow_is_found(journal, kind, change, message):
+def test_replay_changed_claim_is_reported(journal, kind, change, message):
     entries = list(records(journal))
     changed = next(entry for entry in entries if entry["kind"] == kind)
     changed.update(change)
@@ -66,7 +66,7 @@ def test_a_claim_that_does_not_follow_is_found(journal, kind, change, message):
     assert message in result[0].sentence
 
 
-def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path):
+def test_broken_run_lacking_only_end_record_is_none(tmp_path):
     path = write_run(tmp_path / "stop.jsonl", Policy.of("stop", "next"))
     entries = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(entries[:-1]))

@@ -1,4 +1,4 @@
-"""A journal in segments: sealed between two parts, one chain, and only the last of them read at the start."""
+"""A journal in segments: sealed between two parts, one chain; a start reads only the last segment."""
 
 import os
 import shutil
@@ -50,7 +50,7 @@ def without(entries: Iterator[dict], *names: str) -> list[dict]:
 
 @pytest.fixture
 def pair(tmp_path):
-    """The same two runs in one file, and sealed after every part."""
+    """The same two runs, once in one file and once sealed after every part."""
     whole, cut = tmp_path / "whole.jsonl", tmp_path / "cut.jsonl"
     for path, size in ((whole, chain.SEGMENT_BYTES), (cut, 1)):
         for _ in range(2):
@@ -60,7 +60,7 @@ def pair(tmp_path):
     return whole, cut
 
 
-def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(pair):
+def test_journal_in_segments_reads_the_same_as_in_one_file(pair):
     whole, cut = pair
     one, other = verify(whole), verify(cut)
     assert (other.runs, other.closed, other.segments) == (one.runs, one.closed, 7) == (2, True, 7)
@@ -81,8 +81,8 @@ def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(pair):
     assert (replay.decisions, replay.parts, replay.closed) == (12, 4, True)
 
 
-def test_journal_knows_a_run_that_broke_off_by_the_last_segment(tmp_path):
-    """Wherever it broke off: the same as by all records."""
+def test_broken_run_of_last_part_equals_that_of_all_records(tmp_path):
+    """The run may break off after any line."""
     for cut in count(1):
         path = tmp_path / f"{cut}.jsonl"
         write_run(path, segment_bytes=1)
@@ -101,7 +101,7 @@ def test_journal_knows_a_run_that_broke_off_by_the_last_segment(tmp_path):
     assert cut > 5
 
 
-def test_journal_reads_the_last_segment_and_verify_all(tmp_path):
+def test_journal_reads_last_segment_and_verify_reads_all(tmp_path):
     path = segmented(tmp_path / "j.jsonl")
     first = segment(path, 1)
     first.write_bytes(first.read_bytes().replace(b'"port":"sim"', b'"port":"sun"'))
@@ -113,33 +113,33 @@ def test_journal_reads_the_last_segment_and_verify_all(tmp_path):
 
 @pytest.mark.parametrize("name", ["j.jsonl", "j.jsonl.000001", "j.jsonl.000002"])
 @pytest.mark.parametrize("how", ["missing", "empty", "first line missing", "last line missing"])
-def test_journal_refuses_a_segment_that_lost_records(tmp_path, name, how):
+def test_journal_segment_with_lost_records_is_refused(tmp_path, name, how):
     path = segmented(tmp_path / "j.jsonl")
     lost = tmp_path / name
     lines = lost.read_bytes().splitlines(keepends=True)
     kept = {"empty": [], "first line missing": lines[1:], "last line missing": lines[:-1]}.get(how)
     lost.unlink() if kept is None else lost.write_bytes(b"".join(kept))
-    if (name, how) != ("j.jsonl", "last line missing"):  # which is a run that broke off
+    if (name, how) != ("j.jsonl", "last line missing"):  # that one is a run that broke off
         with pytest.raises(JournalError):
             verify(path)
-        # Of the segments before it, a start looks at their number and at the last one's seal.
+        # A start checks only the number of sealed segments and the seal of the last one.
         if name == "j.jsonl" or how == "missing" or (name, how[:4]) == ("j.jsonl.000002", "last"):
             with pytest.raises(JournalError):
                 Journal(path, STAMP)
     assert lost.exists() == (kept is not None)
 
 
-def test_journal_does_not_write_to_a_segment(tmp_path):
+def test_journal_path_of_sealed_segment_is_refused(tmp_path):
     path = segmented(tmp_path / "j.jsonl")
     with pytest.raises(JournalError, match=r"is a segment of .*j\.jsonl; name that one"):
         Journal(segment(path, 1), STAMP)
 
 
 class KilledError(BaseException):
-    """The process is gone."""
+    """Stands for the kill of the process."""
 
 
-def test_journal_of_a_process_killed_while_it_seals_is_whole(tmp_path, monkeypatch):
+def test_journal_of_process_killed_while_sealing_stays_valid(tmp_path, monkeypatch):
     deaths = 0
     for last in count():
         path = tmp_path / f"{last}.jsonl"
@@ -162,7 +162,7 @@ def test_journal_of_a_process_killed_while_it_seals_is_whole(tmp_path, monkeypat
         with monkeypatch.context() as patched:
             for name in ("open", "write", "fsync", "rename", "fchmod"):
                 patched.setattr(os, name, dying(getattr(os, name)))
-            patched.setattr(os, "ftruncate", lambda *_: None)  # who is gone takes nothing back
+            patched.setattr(os, "ftruncate", lambda *_: None)  # a killed process undoes nothing
             with suppress(KilledError):
                 write_part(journal, 2)
         journal.close()
@@ -179,7 +179,7 @@ def test_journal_of_a_process_killed_while_it_seals_is_whole(tmp_path, monkeypat
     assert deaths > 10
 
 
-def test_records_of_a_file_sealed_meanwhile_come_once(tmp_path, monkeypatch):
+def test_records_sealed_during_read_are_returned_once(tmp_path, monkeypatch):
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP, segment_bytes=1) as journal:
         journal.header(b"table", {})
@@ -239,7 +239,7 @@ DISPLACED = (*WHOLE, copied_and_truncated, cut)
 
 @pytest.mark.parametrize("displace", DISPLACED, ids=lambda how: how.__name__)
 @pytest.mark.parametrize("begin", [write_run, segmented])
-def test_journal_displaced_beneath_a_run_loses_nothing_and_is_seen(tmp_path, displace, begin):
+def test_journal_displaced_during_run_is_reported_and_loses_nothing(tmp_path, displace, begin):
     path = begin(tmp_path / "j.jsonl")
     with Journal(path, STAMP) as journal:
         journal.header(dumps(small_table()), {})

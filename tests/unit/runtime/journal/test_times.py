@@ -1,4 +1,4 @@
-"""Where the seconds of a journal go, and what a journal may not claim about them."""
+"""The times of a journal's parts by phase, and the entries that are refused."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def outcome(seconds: object, *phases: object) -> dict[str, object]:
     return {"kind": "outcome", "seconds": seconds, "phases": list(phases)}
 
 
-def test_times_of_parts_add_up_phase_by_phase():
+def test_times_of_sums_parts_by_phase():
     entries = [{"kind": "part"}, outcome(4.5, ONE, ONE), outcome(2.0, ONE), outcome(None)]
     result = times_of(entries, takt_s=3.0)
     assert (result.parts, result.squeezes) == (2, 3)
@@ -34,6 +34,6 @@ def test_times_of_parts_add_up_phase_by_phase():
         {"kind": "outcome", "seconds": 1.0},
     ],
 )
-def test_times_that_are_none_are_refused(entry):
+def test_times_of_invalid_entry_is_refused(entry):
     with pytest.raises(ValueError, match=r"phases|no time"):
         times_of([entry])

@@ -1,4 +1,4 @@
-"""The figures of a shift: what counts as lost, and that a change of shift begins anew."""
+"""The figures of a shift: yield, lost parts, and the counts that begin anew at a change of shift."""
 
 import json
 from dataclasses import replace
@@ -19,7 +19,7 @@ GOOD = replace(PartResult.of(1, Outcome.LEAF, [FIRST], None), seconds=5.0)
 
 
 class Clock(SystemClock):
-    """A clock that stands where a test puts it."""
+    """A clock whose hour a test sets."""
 
     hour = 13
 
@@ -44,7 +44,14 @@ def test_shift_counts_yield_and_takt(shift):
     assert (seen["seconds_mean"], seen["takt_s"], seen["takt_share"]) == (6.0, 6.0, 0.75)
 
 
-def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
+def test_shift_change_resets_counts(shift):
+    shift.add(GOOD)
+    Clock.hour = 14
+    seen = shift.as_object()
+    assert (seen["since"], seen["parts"], seen["seconds_mean"]) == ("2026-11-27 14:00", 0, None)
+
+
+def test_shift_losses_are_grouped_and_sorted_by_frequency(shift):
     shift.add(replace(GOOD, delivery="missed", reason="no way"))
     for part in (7, 8):
         shift.add(PartResult.of(part, Outcome.REJECT, [FIRST, SECOND], "no such width"))
@@ -56,8 +63,8 @@ def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
     assert losses[2]["node"] is None
 
 
-def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
-    """`write_run` writes a leaf, a leaf, an unresolved leaf and a reject, now."""
+def test_recall_journal_of_same_table_adds_its_parts(tmp_path):
+    """`write_run` writes two leaves, an unresolved leaf and a reject, at the present time."""
     journal = write_run(tmp_path / "j.jsonl")
     digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
     shift = Shift(range(24), None)
@@ -81,14 +88,14 @@ NO_JOURNALS.append(HEADER + ENDED.replace("9999", "now"))
 
 
 @pytest.mark.parametrize("text", NO_JOURNALS)
-def test_journal_that_is_none_is_not_recalled(text, shift, tmp_path):
+def test_recall_invalid_journal_adds_nothing(text, shift, tmp_path):
     (tmp_path / "j.jsonl").write_text(text)
     shift.recall(tmp_path / "j.jsonl", "x")
     assert shift.as_object()["parts"] == 0
 
 
 @pytest.mark.parametrize("text", ["", "24", "6,,14", "-1", "6;14", "six"])
-def test_hours_that_are_none_are_refused_in_one_line(text, capsys):
+def test_shifts_option_invalid_hours_are_refused(text, capsys):
     with pytest.raises(SystemExit):
         parser().parse_args(["--tree", "t", f"--shifts={text}"])
     assert "write hours from 0 to 23" in capsys.readouterr().err

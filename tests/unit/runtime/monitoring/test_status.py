@@ -1,4 +1,4 @@
-"""The status of a run, the watchdog's datagrams, and the lock of a port."""
+"""The status of a run, the datagrams to the service manager, and the memory that a monitor holds."""
 
 import gc
 import json
@@ -12,20 +12,19 @@ from pathlib import Path
 import pytest
 from fake_cell import Deaf
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.monitor import Monitor, Views, notify
-from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
-from runtime.table import TableFile, dump, load
+from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
 
 
 def fed() -> Status:
-    loaded = TableFile(small_table(), b"", "ab" * 32)
-    status = Status("small.msgpack", loaded, Shift(CHANGES, None))
+    status = status_of(small_table(), "small.msgpack")
     status.phase(1, Phase.SQUEEZE, 0)
     status.step(STEP)
     status.part(replace(PartResult.of(1, Outcome.LEAF, [STEP], None), audit="pass"))
@@ -45,7 +44,7 @@ def test_status_as_object_counts_outcomes_and_names_the_last_part():
 SAMPLE = re.compile(r'squeezetree_[a-z_]+(\{[a-z]+="[^"]*"\})? [0-9.e+]+')
 
 
-def test_metrics_are_prometheus_text():
+def test_as_metrics_is_prometheus_text():
     text = fed().as_metrics()
     samples, kinds = [], {}
     for line in text.splitlines():
@@ -65,7 +64,7 @@ def test_metrics_are_prometheus_text():
 
 
 @pytest.mark.parametrize("abstract", [False, True])
-def test_the_service_manager_hears_ready_alive_and_stopping(tmp_path, monkeypatch, *, abstract):
+def test_monitor_notifies_ready_watchdog_and_stopping(tmp_path, monkeypatch, *, abstract):
     name = f"@squeezetree-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name[1:] if abstract else name)
@@ -86,12 +85,12 @@ def test_the_service_manager_hears_ready_alive_and_stopping(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("address", ["", "relative", "/nobody/listens/here"])
-def test_notify_without_a_service_manager_is_no_error(address, monkeypatch):
+def test_notify_without_service_manager_raises_nothing(address, monkeypatch):
     monkeypatch.setenv("NOTIFY_SOCKET", address)
     notify("READY=1")
 
 
-def test_monitor_after_many_parts_holds_no_more_memory_than_before(tmp_path):
+def test_monitor_after_many_parts_holds_no_more_memory(tmp_path):
     """All charts of a healthy and of a drifting cell; widths repeat after 500 parts."""
     dump(small_table(), tmp_path / "t")
     with Monitor(Deaf(), load(tmp_path / "t"), tmp_path / "t") as monitor:

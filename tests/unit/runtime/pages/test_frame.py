@@ -1,4 +1,4 @@
-"""The frame of all pages: whole, closed to networks, and no text can leave its place."""
+"""The frame of all pages: well-formed, loads nothing from a network, and escapes every text."""
 
 import json
 
@@ -9,7 +9,7 @@ from runtime.pages import frame
 EVIL = '</script><img src=x onerror="alert(1)">'
 
 
-def test_page_without_a_script_allows_none():
+def test_page_without_script_forbids_scripts():
     text = frame.page("a < b", "<main></main>")
     assert Page(text).open == []
     assert "default-src 'none'" in text
@@ -17,7 +17,7 @@ def test_page_without_a_script_allows_none():
     assert "<title>a &lt; b</title>" in text
 
 
-def test_data_cannot_end_its_element():
+def test_page_data_with_html_cannot_end_its_element():
     page = Page(frame.page(EVIL, "", data={"name": EVIL}, script="let a;\n"))
     assert page.open == []
     assert json.loads(page.scripts["data"]) == {"name": EVIL}

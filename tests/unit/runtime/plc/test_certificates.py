@@ -1,7 +1,6 @@
-"""The server's own certificate, and which clients it lets in."""
+"""The server's certificate, and the clients that it admits."""
 
 import stat
-from pathlib import Path
 
 import pytest
 from refusals import refused_in_a_line
@@ -24,14 +23,15 @@ def server(tmp_path_factory):
     return folder
 
 
-def copied(server: Path, folder: Path) -> Path:
+@pytest.fixture
+def copied(server, tmp_path):
     for name in (KEY, CERTIFICATE):
-        (folder / name).write_bytes((server / name).read_bytes())
-        (folder / name).chmod(0o600)
-    return folder
+        (tmp_path / name).write_bytes((server / name).read_bytes())
+        (tmp_path / name).chmod(0o600)
+    return tmp_path
 
 
-def test_identity_is_made_once_and_its_key_is_its_owners_alone(server):
+def test_identity_in_returns_same_certificate_and_owner_only_key(server):
     first, again = identity_in(server), identity_in(server)
     assert again.certificate == first.certificate
     assert first.uri.startswith("urn:")
@@ -40,31 +40,28 @@ def test_identity_is_made_once_and_its_key_is_its_owners_alone(server):
 
 @pytest.mark.parametrize("name", [KEY, CERTIFICATE])
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_file_that_is_damaged_or_missing_is_refused_by_name(name, content, server, tmp_path):
-    folder = copied(server, tmp_path)
+def test_identity_in_damaged_or_missing_file_is_refused_by_name(name, content, copied):
     if content is None:
-        (folder / name).unlink()
+        (copied / name).unlink()
     else:
-        (folder / name).write_bytes(content)
+        (copied / name).write_bytes(content)
     with refused_in_a_line(InputError, name):
-        identity_in(folder)
+        identity_in(copied)
 
 
-def test_key_of_another_certificate_is_refused(server, clients, tmp_path):
-    folder = copied(server, tmp_path)
-    (folder / CERTIFICATE).write_bytes(clients[0].read_bytes())
+def test_identity_in_key_of_another_certificate_is_refused(copied, clients):
+    (copied / CERTIFICATE).write_bytes(clients[0].read_bytes())
     with pytest.raises(InputError, match="not the key"):
-        identity_in(folder)
+        identity_in(copied)
 
 
-def test_key_that_others_may_read_is_refused(server, tmp_path):
-    folder = copied(server, tmp_path)
-    (folder / KEY).chmod(0o644)
+def test_identity_in_key_readable_by_others_is_refused(copied):
+    (copied / KEY).chmod(0o644)
     with pytest.raises(InputError, match="chmod 600"):
-        identity_in(folder)
+        identity_in(copied)
 
 
-def test_first_client_is_pinned_and_stays_so(clients, tmp_path):
+def test_trust_first_client_is_pinned(clients, tmp_path):
     first, second = (path.read_bytes() for path in clients)
     trust = Trust(tmp_path / PINNED, None)
     assert not trust.admits(None)
@@ -76,7 +73,7 @@ def test_first_client_is_pinned_and_stays_so(clients, tmp_path):
     assert later.admits(first)
 
 
-def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(clients, tmp_path):
+def test_trust_folder_admits_its_certificates_and_pins_no_client(clients, tmp_path):
     first, second = (path.read_bytes() for path in clients)
     (tmp_path / "a.der").write_bytes(first)
     (tmp_path / "notes.txt").write_text("of the line")
@@ -85,7 +82,7 @@ def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(clients, tmp_path)
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_folder_without_certificates_is_refused(tmp_path):
+def test_trust_folder_without_certificates_is_refused(tmp_path):
     with pytest.raises(UsageError, match="no certificate"):
         Trust(tmp_path / PINNED, tmp_path)
     (tmp_path / "a.der").write_bytes(b"nonsense")

@@ -13,7 +13,7 @@ PARTS = tuple(f"parts_{name}" for name in OUTCOMES[1:])
 
 
 def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
-    """One part, its result taken."""
+    """Run one part and acknowledge its result."""
     plc.write(enable=0)
     plc.write(enable=1)
     plc.pulse("trigger")
@@ -29,14 +29,14 @@ def plc():
     return memory
 
 
-def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc):
+def test_counters_count_outcomes_and_outlast_results(plc):
     for outcome in (1, 1, 2, 3, 1, 4):
         run(plc, outcome)
     assert plc(*PARTS) == [3, 1, 1, 1]
     assert plc("result_valid", "outcome") == [0, 0]
 
 
-def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc):
+def test_takt_share_counts_only_parts_with_seconds(plc):
     for seconds in (5.25, 6.0, None, 6.01, 7.5):
         run(plc, 1, seconds)
     assert plc("parts_located", "seconds_last", "takt_share") == [5, 750, 5000]

@@ -1,4 +1,4 @@
-"""The handshake's table: every state with every event, by rules that make it a handshake."""
+"""The handshake's table: every state with every event obeys the rules of the handshake."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def test_table_holds_every_state_with_every_event():
 def test_transition_follows_the_rules_of_the_handshake(state, event):
     after, error = TABLE[state, event]
     before, shown = SIGNALS[state], SIGNALS[after]
-    # A part begins at a trigger that counts, and at nothing else; an error changes nothing.
+    # Only an accepted trigger begins a part; an error changes nothing.
     if shown.busy and not before.busy:
         assert event is Event.TRIGGER
         assert not before.result_valid
@@ -31,16 +31,16 @@ def test_transition_follows_the_rules_of_the_handshake(state, event):
         assert after is state
     if event in REFUSED:
         assert error is REFUSED[event]
-    # A part that is under way ends with a result, and at nothing else.
+    # Only a result ends the part under way.
     if state in BUSY:
         assert (after in BUSY) == (event is not Event.RESULT)
         assert (after in VALID) == (event is Event.RESULT)
-    # A result goes at a rising acknowledge, and comes at the end of a part.
+    # A result appears at the end of a part and disappears at a rising acknowledge.
     if state in VALID:
         assert (after in VALID) == (event is not Event.ACKNOWLEDGE)
     if after in VALID and state not in VALID:
         assert event is Event.RESULT
-    # A second trigger is an error exactly where a part is under way or a result is not back.
+    # A second trigger is an error exactly where a part is under way or a result waits.
     if event is Event.TRIGGER:
         expected = Error.NONE
         if state in BUSY:
@@ -49,7 +49,7 @@ def test_transition_follows_the_rules_of_the_handshake(state, event):
             expected = Error.RESULT_WAITS
         assert error is expected
         assert error or after is State.ACCEPTED
-    # `acknowledge` comes with the trigger that counts and falls with that trigger.
+    # `acknowledge` rises and falls with the accepted trigger.
     if shown.acknowledge != before.acknowledge:
         assert event is (Event.TRIGGER if shown.acknowledge else Event.TRIGGER_BACK)
     if before.acknowledge and event is Event.TRIGGER_BACK:
@@ -57,7 +57,7 @@ def test_transition_follows_the_rules_of_the_handshake(state, event):
 
 
 @pytest.mark.parametrize("state", State)
-def test_every_state_is_reached_from_ready_and_leads_back_to_it(state):
+def test_table_state_is_reachable_from_ready_and_leads_back(state):
     def reached(start):
         known = {start}
         while more := {TABLE[each, event].following for each in known for event in Event} - known:
@@ -68,7 +68,7 @@ def test_every_state_is_reached_from_ready_and_leads_back_to_it(state):
     assert State.READY in reached(state)
 
 
-def test_ready_comes_only_once_trigger_and_acknowledge_are_back():
+def test_table_ready_requires_trigger_and_acknowledge_low():
     back = {State.TRIGGER_HELD: Event.TRIGGER_BACK, State.ACKNOWLEDGE_HELD: Event.ACKNOWLEDGE_BACK}
     into = {key for key, after in TABLE.items() if after == Transition(State.READY)}
     assert {key for key in into if key[0] is not State.READY} == {*back.items()}

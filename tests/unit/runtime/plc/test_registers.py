@@ -12,7 +12,7 @@ def test_registers_do_not_overlap_and_each_block_has_no_gap():
         assert used == list(range(start, start + len(used)))
 
 
-def test_json_has_the_documented_keys():
+def test_as_json_has_documented_keys():
     for entry, register in zip(as_json()["registers"], MAP, strict=True):
         assert entry.keys() >= {"name", "address", "kind", "type", "scale", "unit"}
         assert entry["kind"] in KINDS
@@ -27,7 +27,7 @@ def test_words_of_a_long_value_have_the_high_word_first():
     assert words(registers, given) == [0xCAFE, 0x0001, 0xFFFF, 0xFFFE]
 
 
-def test_addresses_that_programs_already_read_stay_where_they_are():
+def test_registers_published_addresses_are_unchanged():
     expected = {"acknowledge": 100, "busy": 101, "result_valid": 102, "result_id": 103}
     expected |= {"outcome": 104, "error_id": 105, "heartbeat_out": 106, "table_in_use": 107}
     expected |= {"table_digest": 108, "x": 110, "y": 112, "angle": 114, "part": 116, "face": 117}

@@ -1,4 +1,4 @@
-"""The thread of a PLC's server: it starts, fails and ends where the main thread notices."""
+"""The thread of a PLC's server: the main thread notices its start, failure and end."""
 
 import asyncio
 import threading
@@ -29,7 +29,7 @@ class Scripted(PlcServer):
         self.ended = True
 
 
-def test_server_that_starts_ends_when_it_is_left():
+def test_plc_server_ends_on_exit():
     with Scripted() as server:
         server.entered.set()
         server.check()
@@ -37,12 +37,12 @@ def test_server_that_starts_ends_when_it_is_left():
     assert not server._thread.is_alive()
 
 
-def test_server_that_cannot_start_raises_why():
+def test_plc_server_failed_start_raises_cause():
     with pytest.raises(OSError, match="no descriptor"), Scripted(starts=False, fails=True):
         pass
 
 
-def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
+def test_plc_server_later_failure_disables_and_raises_cause() -> None:
     server = Scripted(fails=True)
     server.exchange.put({"enable": 1})
     server.exchange.connected = True

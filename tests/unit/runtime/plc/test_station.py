@@ -1,4 +1,4 @@
-"""A station in memory: levels that a PLC writes become the handshake, whatever the order and the time."""
+"""A station in memory: the levels that a PLC writes drive the handshake, whatever their order and time."""
 
 import pytest
 from plc_programs import MemoryPlc
@@ -35,7 +35,7 @@ def waiting(working):
     return working
 
 
-def test_part_goes_through_the_documented_handshake(enabled):
+def test_station_part_follows_documented_handshake(enabled):
     enabled.write(trigger_id=7)
     assert enabled(*SIGNALS) == [0, 0, 0, 0]
     enabled.write(trigger=1)
@@ -54,10 +54,10 @@ def test_part_goes_through_the_documented_handshake(enabled):
     assert [enabled[register.name] for register in READ if register.name not in quiet] == [0] * 15
 
 
-def test_trigger_without_enable_is_an_error_and_begins_nothing(plc):
+def test_station_trigger_without_enable_is_error_and_starts_nothing(plc):
     plc.write(trigger=1)
     assert (plc["error_id"], plc.station.order) == (Error.NOT_ENABLED, None)
-    plc.write(enable=1)  # the trigger is up, and does not rise
+    plc.write(enable=1)  # the trigger is high already and does not rise
     assert (plc["error_id"], plc.station.order) == (0, None)
     plc.write(trigger=0, enable=0)
     plc.write(trigger=1)
@@ -65,7 +65,7 @@ def test_trigger_without_enable_is_an_error_and_begins_nothing(plc):
 
 
 @pytest.mark.parametrize("fixture", ["working", "waiting"])
-def test_second_trigger_is_an_error_and_leaves_the_part_as_it_is(fixture, request):
+def test_station_second_trigger_is_error_and_changes_nothing(fixture, request):
     plc = request.getfixturevalue(fixture)
     before, shown, order = plc(*SIGNALS), plc(*RESULT), plc.station.order
     plc.write(trigger_id=8, trigger=1)
@@ -78,7 +78,7 @@ def test_second_trigger_is_an_error_and_leaves_the_part_as_it_is(fixture, reques
     assert (plc(*SIGNALS), plc(*RESULT), plc.station.order) == (before, shown, order)
 
 
-def test_acknowledge_that_was_up_before_the_result_takes_nothing(working):
+def test_station_early_acknowledge_keeps_result(working):
     working.write(result_acknowledge=1)
     working.end_part()
     assert working["result_valid"] == 1
@@ -92,7 +92,7 @@ def test_acknowledge_that_was_up_before_the_result_takes_nothing(working):
 
 @pytest.mark.parametrize("end", ["enable", "heartbeat", "connection"])
 @pytest.mark.parametrize("fixture", ["enabled", "working", "waiting"])
-def test_end_of_enabling_leaves_part_and_result_and_stops_triggers(fixture, end, request):
+def test_station_disabled_keeps_part_and_result_and_refuses_triggers(fixture, end, request):
     plc = request.getfixturevalue(fixture)
     before, order = plc(*SIGNALS), plc.station.order
     if end == "enable":
@@ -113,14 +113,14 @@ def test_end_of_enabling_leaves_part_and_result_and_stops_triggers(fixture, end,
 
 
 @pytest.mark.parametrize("period_s", [1.0, HEARTBEAT_LIMIT_S])
-def test_heartbeat_that_changes_in_time_keeps_enabling(enabled, period_s):
+def test_station_regular_heartbeat_stays_enabled(enabled, period_s):
     for beat in range(20):
         enabled.now += period_s
         enabled.write(heartbeat_in=1 - beat % 2)
         assert enabled["enable"] == 1
 
 
-def test_heartbeat_that_stands_still_has_to_move_before_enabling_again(enabled):
+def test_station_stopped_heartbeat_must_change_before_enabling(enabled):
     enabled.now += HEARTBEAT_LIMIT_S + 0.1
     for _ in range(3):
         enabled.write(heartbeat_in=0, enable=1)
@@ -129,7 +129,7 @@ def test_heartbeat_that_stands_still_has_to_move_before_enabling_again(enabled):
     assert enabled("enable", "error_id") == [1, 0]
 
 
-def test_lost_connection_invents_no_edge(working):
+def test_station_lost_connection_creates_no_edge(working):
     working.write(result_acknowledge=1)
     working.station.disconnect()
     working.end_part()
@@ -137,7 +137,7 @@ def test_lost_connection_invents_no_edge(working):
     assert working("result_valid", "result_id") == [1, 7]
 
 
-def test_table_that_does_not_exist_is_an_error_and_others_are_used():
+def test_station_unknown_table_is_error_and_others_are_used():
     plc = MemoryPlc((0x11111111, 0xA2222222))
     plc.write(enable=1, table=2, trigger=1)
     assert (plc["error_id"], plc.station.order) == (Error.UNKNOWN_TABLE, None)

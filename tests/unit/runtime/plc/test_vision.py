@@ -18,7 +18,7 @@ SPECIFIED = {
     *("InitializedToReady", "ReadyToInitialized"),
     *("ReadyToSingleExecution", "SingleExecutionToReady"),
 }
-# A result is the master's to release: it may have selected the mode, or taken back the recipe, before.
+# The master decides when to release a result; it may have changed the mode or withdrawn the recipe before.
 OURS = {
     ("SingleExecution", "Initialized"),
     ("Error", "Ready"),
@@ -27,13 +27,13 @@ OURS = {
 }
 
 
-def test_every_state_is_reached():
+def test_view_reaches_every_state():
     reached = [view(seen) for _, _, seen in CHART]
     assert {row.state for row in reached} == set(VisionState)
     assert {row.packml for row in reached} == set(PackMLState)
 
 
-def test_every_transition_is_one_of_the_specification_or_follows_a_release():
+def test_view_transition_is_specified_or_follows_release():
     for before, name, after in CHART:
         left, entered = view(before).state, view(after).state
         outer = "Operational" if left.automatic and not entered.automatic else left.value
@@ -41,13 +41,13 @@ def test_every_transition_is_one_of_the_specification_or_follows_a_release():
             assert (left.value, entered.value) in OURS, name
 
 
-def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part():
+def test_view_part_begins_only_by_start_in_ready():
     for before, name, after in CHART:
         begins = SIGNALS[after.state].busy and not SIGNALS[before.state].busy
         assert begins == (name == "StartSingleJob" and view(before).state is VisionState.READY)
 
 
-def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault():
+def test_view_result_ends_only_by_release_or_confirmed_fault():
     for before, name, after in CHART:
         if SIGNALS[before.state].result_valid and not SIGNALS[after.state].result_valid:
             fault = view(before).state is VisionState.ERROR
@@ -56,7 +56,7 @@ def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_faul
             assert after.answer == before.answer
 
 
-def test_result_has_the_units_of_its_names():
+def test_result_of_located_part_has_units_of_names():
     result = result_of(JOB, ["bracket", "shim"], LOCATED)
     assert (result.ResultHandle, result.ResultId, result.MeasId) == (7, "id-7", "m")
     assert (result.X_mm, result.Y_mm, result.Angle_deg) == (-1.5, 0.25, 90.0)
@@ -68,14 +68,14 @@ def test_result_has_the_units_of_its_names():
 
 
 @pytest.mark.parametrize(("outcome", "code", "error"), [(2, 10, 0), (3, 11, 0), (FAULT, 20, 20)])
-def test_result_without_a_pose_has_none_and_only_a_fault_an_error(outcome, code, error):
+def test_result_of_part_without_pose_is_zero_and_fault_has_error(outcome, code, error):
     result = result_of(JOB, ["bracket"], Answer(outcome, code))
     assert (result.X_mm, result.Y_mm, result.Angle_deg, result.Part) == (0.0, 0.0, 0.0, "")
     assert isnan(result.ExpectedError_mm)
     assert (result.ExitCode, result.ErrorId) == (code, error)
 
 
-def test_handle_of_another_result_releases_nothing() -> None:
+def test_release_of_other_handle_keeps_part_and_result() -> None:
     with line() as each:
         each.server._select_automatic()
         each.server._prepare("one")

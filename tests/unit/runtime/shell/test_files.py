@@ -1,4 +1,4 @@
-"""The one way to write a file: whole or not at all, by nobody else's link, with the mode of the old file."""
+"""Writing a file: completely or not at all, never through a planted link, with the mode of the old file."""
 
 import os
 import shlex
@@ -11,8 +11,8 @@ from runtime.shell.files import OutputError, read_regular, usable, writing
 
 
 @pytest.mark.parametrize("mode", [None, 0o600, 0o640, 0o666, 0o444 | 0o200])
-def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path, mode):
-    """What is private stays so, from the first byte on; a new file has what the umask leaves."""
+def test_writing_keeps_mode_of_replaced_file(tmp_path, mode):
+    """A private file stays private from its first byte on; a new file has the mode that the umask leaves."""
     path = tmp_path / "t.json"
     if mode is not None:
         path.write_text("old")
@@ -21,7 +21,7 @@ def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path, mode):
     try:
         with writing(path) as draft:
             drafted = draft.stat().st_mode & 0o777
-            assert draft.suffix == path.suffix  # some writers go by it
+            assert draft.suffix == path.suffix  # some writers choose the format by it
             draft.write_text("new")
     finally:
         os.umask(before)
@@ -33,7 +33,7 @@ def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path, mode):
 @pytest.mark.parametrize(
     "name", ["a b.toml", "a'b.toml", "$(rm x).toml", "-o.toml", "plain.toml", "a;b", "ü"]
 )
-def test_a_name_in_a_proposed_command_is_one_word_that_is_no_option(name):
+def test_quoted_name_is_one_shell_word_and_no_option(name):
     (word,) = shlex.split(files.quoted(Path(name)))
     assert Path(word) == Path(name)
     assert not word.startswith("-")
@@ -43,7 +43,7 @@ def test_a_name_in_a_proposed_command_is_one_word_that_is_no_option(name):
 @pytest.mark.parametrize(
     "error", [OSError(28, "disk full"), ValueError("bug"), KeyboardInterrupt("stop")]
 )
-def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path, error):
+def test_writing_interrupted_keeps_old_file_and_leaves_no_draft(tmp_path, error):
     def break_off():
         with writing(path) as draft:
             draft.write_text("half")
@@ -54,6 +54,7 @@ def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path, error):
     with pytest.raises(type(error), match=r"t.json cannot be written: disk full; free|bug|stop"):
         break_off()
     assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("size", [0, 1023, 1024])
@@ -72,7 +73,7 @@ def test_read_regular_file_beyond_the_limit_is_refused_not_cut(tmp_path):
         read_regular(path, 1024)
 
 
-def test_a_planted_link_in_the_drafts_place_is_not_followed(tmp_path, monkeypatch):
+def test_writing_planted_link_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "urandom", lambda count: bytes(count))
     victim, link = tmp_path / "victim", tmp_path / ".t.00000000.json"
     victim.write_text("precious")
@@ -84,7 +85,7 @@ def test_a_planted_link_in_the_drafts_place_is_not_followed(tmp_path, monkeypatc
     assert not (tmp_path / "t.json").exists()
 
 
-def test_what_is_put_in_its_place_meanwhile_is_not_replaced(tmp_path):
+def test_writing_fifo_put_in_place_meanwhile_is_not_replaced(tmp_path):
     def meanwhile():
         with writing(path):
             os.mkfifo(path)
@@ -106,7 +107,7 @@ def test_what_is_put_in_its_place_meanwhile_is_not_replaced(tmp_path):
         ("new/../yet to be", "it is the same file as"),
     ],
 )
-def test_what_cannot_be_written_is_reported_before(tmp_path, name, message):
+def test_usable_unwritable_path_is_refused(tmp_path, name, message):
     (tmp_path / "file").touch()
     (tmp_path / "new").mkdir()
     others = (None, tmp_path / "file", tmp_path / "yet to be")

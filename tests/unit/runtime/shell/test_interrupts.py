@@ -1,4 +1,4 @@
-"""When a stop request raises, when it waits, when it is only acknowledged; by signals to ourselves."""
+"""Stop requests raise, wait or are only acknowledged; the tests send signals to their own process."""
 
 import contextlib
 import os
@@ -20,14 +20,14 @@ def ask(number: signal.Signals = signal.SIGINT) -> None:
 
 
 def await_request() -> None:
-    """Wait where a request may raise."""
+    """Sleep in short steps, so that a request can raise."""
     until = time.monotonic() + WAIT_S
     while time.monotonic() < until:
         time.sleep(0.001)
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_each_signal_is_a_request_that_is_raised_once(number, capfd):
+def test_stop_requests_each_signal_raises_once(number, capfd):
     def asked_here():
         with stoppable():
             ask(number)
@@ -41,8 +41,8 @@ def test_each_signal_is_a_request_that_is_raised_once(number, capfd):
     assert capfd.readouterr().err == "stopping already\n"
 
 
-def test_a_request_that_python_drops_is_raised_again(monkeypatch):
-    """In a finalizer an exception is printed and forgotten."""
+def test_stoppable_request_dropped_by_python_is_raised_again(monkeypatch):
+    """Python prints and drops an exception that a finalizer raises."""
     # Printing may take longer than LOST_S.
     monkeypatch.setattr(sys, "unraisablehook", lambda _: None)
 
@@ -60,15 +60,15 @@ def test_a_request_that_python_drops_is_raised_again(monkeypatch):
         work()
 
 
-def test_a_request_waits_until_it_may_raise():
+def test_stoppable_earlier_request_raises_on_entry():
     with StopRequests():
         ask()
         with pytest.raises(KeyboardInterrupt):
             stoppable().__enter__()
 
 
-def test_a_request_heard_on_entering_raises_nothing_afterwards():
-    """What follows from it, records and last words, is whole."""
+def test_stoppable_request_raised_on_entry_is_not_raised_again():
+    """The records and messages that follow the request must not be interrupted."""
     with StopRequests(), whole():
         ask()
         with contextlib.suppress(KeyboardInterrupt), stoppable():
@@ -76,7 +76,7 @@ def test_a_request_heard_on_entering_raises_nothing_afterwards():
         time.sleep(3 * interrupts.LOST_S)
 
 
-def test_what_is_whole_is_left_before_a_request_raises():
+def test_whole_block_ends_before_request_raises():
     reached = []
 
     def work():
@@ -91,8 +91,8 @@ def test_what_is_whole_is_left_before_a_request_raises():
     assert reached == ["whole"]
 
 
-def test_a_fault_that_came_first_is_not_replaced():
-    """Neither on its way, nor in its handler, nor when that is over and the command has concluded."""
+def test_stoppable_earlier_fault_is_not_replaced_by_request():
+    """The request raises neither while the fault propagates, nor in its handler, nor after the conclusion."""
     reached = []
 
     def work():
@@ -114,7 +114,7 @@ def test_a_fault_that_came_first_is_not_replaced():
     assert reached == ["on its way", "safe sequence"]
 
 
-def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch):
+def test_stop_requests_unread_acknowledgement_does_not_block(monkeypatch):
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     with contextlib.suppress(BlockingIOError):
@@ -131,8 +131,11 @@ def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch):
         ask()
 
 
-def test_a_hangup_that_was_to_be_ignored_is():
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with StopRequests(), stoppable():
-        ask(signal.SIGHUP)
-        time.sleep(0.01)
+def test_stop_requests_ignored_hangup_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with StopRequests(), stoppable():
+            ask(signal.SIGHUP)
+            time.sleep(0.01)
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,4 +1,4 @@
-"""Standard streams whose reader does not read: nothing waits, whole lines are lost, later ones arrive."""
+"""Standard streams whose reader does not read: no call blocks, only whole lines are lost."""
 
 import io
 import os
@@ -34,7 +34,7 @@ def ends(request, monkeypatch):
 
 
 def taken(reader):
-    """What comes until nothing comes."""
+    """All bytes that arrive until the stream is idle."""
     data = b""
     while select.select([reader], [], [], 0.02)[0]:
         data += os.read(reader, 1 << 16)
@@ -42,14 +42,14 @@ def taken(reader):
 
 
 def sent(outlet, reader):
-    """What comes of a stream's lines, kept ones too, until nothing comes."""
+    """All bytes that arrive until the stream is idle, those that the outlet kept included."""
     data = taken(reader)
     while more := (outlet.put(b""), taken(reader))[1]:
         data += more
     return data
 
 
-def test_outlet_of_a_stream_nobody_reads_keeps_lines_and_sends_them_later(ends, monkeypatch):
+def test_outlet_of_unread_stream_keeps_lines_and_sends_them_later(ends, monkeypatch):
     monkeypatch.setattr(output, "END_S", 0.05)
     reader, writer = ends
     outlet = Outlet(writer, time.monotonic)
@@ -58,11 +58,11 @@ def test_outlet_of_a_stream_nobody_reads_keeps_lines_and_sends_them_later(ends, 
         outlet.put(line)
     assert sent(outlet, reader).splitlines(keepends=True) == lines
     assert outlet.end() == outlet.lost == 0
-    assert os.get_blocking(writer)  # others, who share it, are not surprised
+    assert os.get_blocking(writer)  # other processes may share the descriptor
     outlet.close()
 
 
-def test_outlet_drops_whole_lines_beyond_what_it_keeps(ends, monkeypatch):
+def test_outlet_with_full_buffer_drops_whole_lines(ends, monkeypatch):
     monkeypatch.setattr(output, "KEPT_BYTES", 10_000)
     monkeypatch.setattr(output, "END_S", 0.05)
     reader, writer = ends
@@ -75,7 +75,7 @@ def test_outlet_drops_whole_lines_beyond_what_it_keeps(ends, monkeypatch):
     outlet.close()
 
 
-def test_end_of_a_stream_that_nobody_reads_tells_how_many_lines_are_lost(ends, monkeypatch):
+def test_outlet_end_of_unread_stream_returns_lost_lines(ends, monkeypatch):
     monkeypatch.setattr(output, "END_S", 0.05)
     outlet = Outlet(ends[1], time.monotonic)
     for _ in range(5000):
@@ -84,7 +84,7 @@ def test_end_of_a_stream_that_nobody_reads_tells_how_many_lines_are_lost(ends, m
     outlet.close()
 
 
-def test_say_to_a_reader_who_left_is_no_error_and_one_in_memory_is_written():
+def test_say_to_closed_pipe_is_no_error_and_memory_stream_written():
     reader, writer = os.pipe()
     os.close(reader)
     file = os.fdopen(writer, "w")

@@ -17,7 +17,7 @@ from runtime.shell.strict_json import MOST_DIGITS, MOST_LEVELS, parse
     ],
     ids=["mixed", "long", "pair", "deep"],
 )
-def test_what_is_sound_is_read_as_ever(value):
+def test_parse_valid_json_equals_standard_library(value):
     data = json.dumps(value, ensure_ascii=False).encode()
     assert parse(json.dumps(value)) == parse(data) == value
 
@@ -38,6 +38,6 @@ def test_what_is_sound_is_read_as_ever(value):
         ('"\\ud800"', "half a character"),
     ],
 )
-def test_what_nobody_could_compute_with_is_refused(text, message):
+def test_parse_invalid_or_unusable_json_is_refused(text, message):
     with pytest.raises(ValueError, match=message):
         parse(text)

@@ -1,4 +1,4 @@
-"""Keys in files: made once, private, in OpenSSL's form, and refused with a sentence where they are none."""
+"""Key files: private, never overwritten, in OpenSSL's form; an invalid one is refused in a sentence."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ PUBLIC = serialization.PublicFormat.SubjectPublicKeyInfo
 PLAIN = serialization.NoEncryption()
 
 
-def test_generated_key_is_its_owners_alone_whatever_the_umask(tmp_path):
+def test_generate_with_open_umask_writes_owner_only_key(tmp_path):
     path = tmp_path / "k.pem"
     before = os.umask(0)
     try:
@@ -32,7 +32,7 @@ def test_generated_key_is_its_owners_alone_whatever_the_umask(tmp_path):
 
 
 @pytest.mark.parametrize("there", ["k.pem", "k.pem.pub"])
-def test_generate_never_overwrites_and_leaves_nothing_half_done(tmp_path, there):
+def test_generate_existing_file_is_kept_and_nothing_added(tmp_path, there):
     (tmp_path / there).write_text("precious")
     with pytest.raises(OutputError, match="never overwritten"):
         keys.generate(tmp_path / "k.pem")
@@ -47,7 +47,7 @@ def test_generate_through_a_link_is_refused(tmp_path):
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_a_key_that_others_may_read_is_refused(tmp_path):
+def test_load_private_readable_by_others_is_refused(tmp_path):
     keys.generate(tmp_path / "k.pem")
     (tmp_path / "k.pem").chmod(0o640)
     with pytest.raises(InputError, match="chmod 600"):
@@ -61,11 +61,11 @@ def _write(path, data):
 
 
 KINDS = [(rsa.generate_private_key(65537, 1024), "an RSA key")]
-KINDS += [(ec.generate_private_key(ec.SECP256R1()), "key")]
+KINDS += [(ec.generate_private_key(ec.SECP256R1()), "an EC key")]
 
 
 @pytest.mark.parametrize(("key", "words"), KINDS)
-def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
+def test_load_key_of_another_kind_is_refused_by_name(tmp_path, key, words):
     private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
     public = _write(tmp_path / "p", key.public_key().public_bytes(PEM, PUBLIC))
     with pytest.raises(InputError, match=f"holds .*{words}"):
@@ -74,27 +74,40 @@ def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
         keys.load_public(public)
 
 
-def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
+def test_load_private_key_with_passphrase_is_refused(tmp_path):
     result = ed25519.Ed25519PrivateKey.generate()
     locked = result.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
     with pytest.raises(InputError, match="passphrase"):
         keys.load_private(_write(tmp_path / "locked", locked))
+
+
+def test_load_other_half_of_key_pair_is_refused(tmp_path):
     keys.generate(tmp_path / "k")
     with pytest.raises(InputError, match="holds a public key; name the private one"):
         keys.load_private(tmp_path / "k.pub")
     with pytest.raises(InputError, match=r"holds a private key; name the public one, k\.pub"):
         keys.load_public(tmp_path / "k")
-    for data in (b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"):
-        with pytest.raises(InputError, match="no public key"):
-            keys.load_public(_write(tmp_path / "odd", data))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"],
+    ids=["empty", "zeros", "short"],
+)
+def test_load_public_data_without_key_is_refused(tmp_path, data):
+    with pytest.raises(InputError, match="no public key"):
+        keys.load_public(_write(tmp_path / "odd", data))
+
+
+@pytest.mark.parametrize("name", ["none", "", "pipe"], ids=["missing", "folder", "pipe"])
+def test_load_public_unreadable_path_is_refused(tmp_path, name):
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "none", tmp_path, tmp_path / "pipe"):
-        with pytest.raises(InputError, match="cannot be read"):
-            keys.load_public(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        keys.load_public(tmp_path / name)
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
-def test_openssl_makes_keys_for_us_and_reads_ours(tmp_path):
+def test_keys_are_interchangeable_with_openssl(tmp_path):
     def openssl(*words):
         command = ["openssl", *map(str, words)]
         return subprocess.run(command, capture_output=True, timeout=30, check=True).stdout

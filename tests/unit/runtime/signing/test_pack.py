@@ -1,4 +1,4 @@
-"""Signed packs: every changed byte is noticed and named, and only the trusted key's signature counts."""
+"""Signed packs: a changed byte is refused with its file's name; only the trusted key's signature counts."""
 
 import io
 import json
@@ -28,7 +28,7 @@ def resealed(members, key=SIGNER):
 
 
 def spans(data):
-    """Where each member's header and content lie, by zipfile."""
+    """Start and end of each member, header and content together, as zipfile reads them."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         where = {}
         for info in archive.infolist():
@@ -37,7 +37,7 @@ def spans(data):
         return where
 
 
-def test_verified_pack_holds_what_was_signed():
+def test_verified_returns_signed_members_and_manifest():
     pack = verified(PACK, SIGNER.public)
     assert list(pack.members) == [MANIFEST, KEY, TABLE, CALIBRATION]
     assert pack.members[TABLE] == dumps(small_table())
@@ -45,7 +45,7 @@ def test_verified_pack_holds_what_was_signed():
     assert verified(PACK).key == SIGNER.public
 
 
-def test_every_flipped_byte_is_refused_and_its_file_named():
+def test_verified_flipped_byte_is_refused_with_file_name():
     where = spans(PACK)
     for at in range(len(PACK)):
         changed = bytearray(PACK)
@@ -70,7 +70,7 @@ ADDED = PACK[:-SIGNATURE_BYTES] + b"x" + PACK[-SIGNATURE_BYTES:]
     [*(PACK[:cut] for cut in CUTS), PACK + b"\0", b"\0" + PACK, PACK + PACK, ADDED],
     ids=[*(f"cut at {cut}" for cut in CUTS), "zero after", "zero before", "twice", "byte inside"],
 )
-def test_pack_cut_short_or_with_bytes_added_is_refused(data):
+def test_verified_truncated_or_extended_pack_is_refused(data):
     with pytest.raises(PackError):
         verified(data, SIGNER.public)
 
@@ -78,13 +78,13 @@ def test_pack_cut_short_or_with_bytes_added_is_refused(data):
 @pytest.mark.parametrize(
     "name", ["../../etc/passwd", "/etc/passwd", "table.msgpack/../x", "a\nb", "TABLE.MSGPACK"]
 )
-def test_pack_with_a_strange_name_is_refused_on_one_line(name):
+def test_verified_foreign_member_name_is_refused_in_one_line(name):
     members = verified(PACK).members
     with refused_in_a_line(PackError, "no file of a pack"):
         verified(resealed({**members, name: b"x"}), SIGNER.public)
 
 
-def test_pack_with_a_member_twice_is_refused():
+def test_verified_duplicate_member_is_refused():
     body = PACK[: spans(PACK)[TABLE][1]]
     start, end = spans(PACK)[TABLE]
     with pytest.raises(PackError, match=r"holds table\.msgpack twice"):
@@ -104,14 +104,14 @@ def test_pack_with_a_member_twice_is_refused():
         ({CALIBRATION: None}, r"calibration\.json is not the file"),
     ],
 )
-def test_pack_whose_signer_contradicts_himself_is_refused(change, words):
+def test_verified_inconsistent_signed_members_are_refused(change, words):
     changed = {**verified(PACK).members, **change}
     members = {name: changed[name] for name in MEMBERS if changed.get(name) is not None}
     with pytest.raises(PackError, match=words):
         verified(resealed(members))
 
 
-def test_content_changed_with_its_digests_breaks_the_signature():
+def test_verified_changed_manifest_breaks_signature():
     members = dict(verified(PACK).members)
     manifest = json.loads(members[MANIFEST])
     members[MANIFEST] = json.dumps({**manifest, "signer": "eve"}).encode()
@@ -119,7 +119,7 @@ def test_content_changed_with_its_digests_breaks_the_signature():
         verified(unsigned(members) + PACK[-SIGNATURE_BYTES:])
 
 
-def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
+def test_covering_accepts_only_pack_with_same_bytes_and_key(tmp_path):
     tree, data = tmp_path / "t.msgpack", dumps(small_table())
     (tmp_path / "broken.zip").write_bytes(b"PK")
     with pytest.raises(PackError, match=r"broken\.zip is no zip archive"):
@@ -140,7 +140,7 @@ def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
         covering(tree, data, None, new_key().public)
 
 
-def test_covering_names_each_pack_once_where_the_path_is_relative(tmp_path, monkeypatch):
+def test_covering_relative_path_names_each_pack_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("broken.zip").write_bytes(b"PK")
     with pytest.raises(PackError, match="no zip archive") as refused:
@@ -149,7 +149,7 @@ def test_covering_names_each_pack_once_where_the_path_is_relative(tmp_path, monk
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
-def test_openssl_checks_the_signature_of_the_whole_file(tmp_path):
+def test_pack_signature_of_whole_file_verifies_with_openssl(tmp_path):
     key = public_of(tmp_path / "k.pem")
     key.write_bytes(SIGNER.public.pem)
 

@@ -1,4 +1,4 @@
-"""Control charts: their distributions against SciPy's, their silence when well, their speed when not."""
+"""Control charts: distributions equal SciPy's, a healthy cell hardly alarms, drift is flagged quickly."""
 
 import numpy as np
 import pytest
@@ -27,14 +27,14 @@ BEFORE = 300
 
 
 @given(st.floats(1e-3, 400.0), st.integers(1, 120))
-def test_chi_square_tail_is_scipys(statistic, freedom):
+def test_chi_square_tail_equals_scipy(statistic, freedom):
     theirs = stats.chi2.sf(statistic, freedom)
     assert chi_square_tail(statistic, freedom) == pytest.approx(theirs, rel=1e-8, abs=1e-13)
 
 
 @settings(max_examples=40)
 @given(st.integers(0, 60), st.integers(1, 60), st.floats(1e-4, 0.9))
-def test_binomial_tail_is_scipys(least, trials, share):
+def test_binomial_tail_equals_scipy(least, trials, share):
     theirs = stats.binom.sf(least - 1, trials, share)
     assert binomial_tail(least, trials, share) == pytest.approx(theirs, rel=1e-8, abs=1e-14)
 
@@ -43,7 +43,7 @@ STATISTICS = [(chi_square, "pearson"), (likelihood_ratio, "log-likelihood")]
 
 
 @pytest.mark.parametrize(("statistic", "name"), STATISTICS)
-def test_statistics_are_scipys_where_every_cell_is_well_filled(statistic, name):
+def test_chi_square_and_likelihood_ratio_equal_scipy(statistic, name):
     counts, shares = [30, 50, 20], [0.2, 0.5, 0.3]
     theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_=name)
     ours, freedom = statistic(counts, shares)
@@ -51,7 +51,7 @@ def test_statistics_are_scipys_where_every_cell_is_well_filled(statistic, name):
     assert chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
 
 
-def test_p_values_of_healthy_frequencies_are_even():
+def test_chi_square_p_values_of_multinomial_samples_are_uniform():
     # Kolmogorov and Smirnov's test on the p-values of multinomial samples.
     rng = np.random.default_rng(1)
     shares = [0.41, 0.18, 0.13, 0.28]
@@ -63,7 +63,7 @@ def test_p_values_of_healthy_frequencies_are_even():
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_cusum_finds_its_shift_both_ways_and_begins_anew(way):
+def test_cusum_shift_either_way_alarms_and_restarts(way):
     rng, chart = np.random.default_rng(2), Cusum(shift=1.0)
     assert not any(chart.add(value, 1.0) for value in rng.normal(0.0, 1.0, 5_000))
     alarms = [chart.add(value, 1.0) for value in rng.normal(way, 1.0, 200)]
@@ -71,7 +71,7 @@ def test_cusum_finds_its_shift_both_ways_and_begins_anew(way):
     assert sum(alarms) > 2
 
 
-def test_ewma_is_the_weighted_mean_and_its_limit_the_asymptotic_one():
+def test_ewma_mean_is_weighted_and_limit_is_asymptotic():
     rng, chart = np.random.default_rng(3), Ewma(width=np.inf)
     values = rng.normal(0.0, 1.0, 5000).clip(-CLIP, CLIP)
     means = []
@@ -83,14 +83,14 @@ def test_ewma_is_the_weighted_mean_and_its_limit_the_asymptotic_one():
     assert np.std(means) == pytest.approx(Ewma(width=1.0).limit, rel=0.15)
 
 
-def test_share_alarms_at_what_chance_does_not_make():
+def test_binomial_window_chart_alarms_only_at_raised_share():
     rng, chart = np.random.default_rng(4), BinomialWindowChart(0.01)
     assert not any(chart.add(bool(had)) for had in rng.random(5_000) < 0.01)
     alarms = [chart.add(bool(had)) for had in rng.random(50) < 0.4]
     assert True in alarms
 
 
-def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
+def test_g_test_chart_alarms_only_at_changed_branch_shares():
     rng, chart = np.random.default_rng(5), GTestChart([[0.5, 0.3, 0.2]], WINDOW)
     healthy = rng.choice(3, 5000, p=[0.5, 0.3, 0.2])
     assert not any(chart.add(((0, int(branch)),)) for branch in healthy)
@@ -101,8 +101,8 @@ def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
 # -- all of them together, on histories drawn from a table ----------------------------------------
 
 
-def test_a_healthy_cell_hardly_raises_an_alarm():
-    """About four in 100 000 parts are false, as tests/bench/drift_trials.py measures them."""
+def test_watch_healthy_cell_raises_at_most_one_alarm():
+    """tests/bench/drift_trials.py measures about four false alarms in 100 000 parts."""
     parts = [drawn(TABLE, 2000, np.random.default_rng(seed)) for seed in range(2)]
     assert sum(len(watch(history(TABLE, each))) for each in parts) <= 1
 
@@ -110,7 +110,10 @@ def test_a_healthy_cell_hardly_raises_an_alarm():
 @pytest.mark.parametrize(
     ("drift", "charts"),
     [
-        ({"width_shift_um": SHIFT_UM}, {"widths", "branches"}),  # of a fine partition the branches
+        (
+            {"width_shift_um": SHIFT_UM},
+            {"widths", "branches"},
+        ),  # a fine partition shows in its branches
         ({"width_shift_um": -SHIFT_UM}, {"widths", "branches"}),
         ({"shares": {0: [0.3, 0.6, 0.0, 0.1]}}, {"branches"}),
         ({"residual_shift": (0.8, 0.0, 0.0)}, {"residual x"}),
@@ -120,7 +123,7 @@ def test_a_healthy_cell_hardly_raises_an_alarm():
     ],
     ids=lambda value: " ".join(sorted(value)) if isinstance(value, (set, dict)) else None,
 )
-def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, charts):
+def test_watch_drift_is_flagged_by_its_chart_within_fifty_parts(drift, charts):
     rng = np.random.default_rng(7)
     result = watch(history(TABLE, drawn(TABLE, BEFORE, rng), drawn(TABLE, 60, rng, **drift)))
     assert result
@@ -128,7 +131,7 @@ def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, c
     assert charts & {alarm.chart for alarm in result if alarm.place < BEFORE + 50}
 
 
-def test_rejected_width_counts_for_the_nearest_branch_unless_it_is_near_none():
+def test_deviation_of_rejected_width_refers_to_nearby_branch():
     branches = TABLE.nodes[0].branches
     just_out = branches[0].low_um - 300
     off, sigma = deviation(TABLE, Squeezed(0, None, just_out))
@@ -137,12 +140,12 @@ def test_rejected_width_counts_for_the_nearest_branch_unless_it_is_near_none():
     assert deviation(TABLE, Squeezed(0, None, 80_000)) == (0.0, float("inf"))
 
 
-def test_branch_shares_are_those_of_the_leaves_below():
+def test_branch_shares_reproduce_leaf_probabilities():
     shares, trials = branch_shares(TABLE), [leaf.trials for leaf in TABLE.leaves]
     assert all(sum(row) == pytest.approx(1.0) for row in shares)
 
     def chance(target):
-        """Of reaching each leaf from a node, by the shares alone."""
+        """The probability of reaching each leaf from a target, by the branch shares alone."""
         if target < 0:
             return {~target: 1.0}
         record = {}

@@ -1,4 +1,4 @@
-"""The chart of readings: a likelihood ratio, silent on a healthy cell, quick when friction changes."""
+"""The chart of readings: a likelihood ratio, silent on a healthy cell, quick when the cell changes."""
 
 import json
 from math import exp
@@ -28,7 +28,7 @@ def expected(output, tmp_path_factory):
     return load(path)
 
 
-def test_shares_add_up_and_no_reading_is_impossible(expected):
+def test_expectation_shares_are_positive_and_sum_to_one(expected):
     for world in expected.shares:
         for node in world:
             assert len(node) == TABLE.gripper.bins
@@ -36,14 +36,14 @@ def test_shares_add_up_and_no_reading_is_impossible(expected):
             assert min(node) > 0.0
 
 
-def test_mean_ratio_of_a_healthy_squeeze_is_one_at_most(expected):
+def test_expectation_mean_ratio_when_healthy_is_at_most_one(expected):
     planned, other = expected.shares
     for before, after in zip(planned, other, strict=True):
         ratios = [min(q / p, exp(CLIP)) for p, q in zip(before, after, strict=True)]
         assert sum(p * ratio for p, ratio in zip(before, ratios, strict=True)) <= 1.0 + 1e-9
 
 
-def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
+def test_shiryaev_roberts_value_sums_ratio_products_over_starts(expected):
     parts, chart = drawn(TABLE, 40, np.random.default_rng(3)), ShiryaevRoberts(expected)
     gains = np.array([expected.gains(TABLE, part)[0] for part in parts])
     for part in parts:
@@ -52,7 +52,7 @@ def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
     assert chart.value == pytest.approx(since)
 
 
-def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expected, monkeypatch):
+def test_shiryaev_roberts_false_alarm_rate_is_within_limit(expected, monkeypatch):
     monkeypatch.setattr(expectation, "LIMIT", 60.0)
     chart = ShiryaevRoberts(expected)
     parts = drawn(TABLE, 2000, np.random.default_rng(4))
@@ -60,7 +60,7 @@ def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expect
     assert 0 < alarms <= 2000 / 60.0
 
 
-def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
+def test_watch_fewer_jams_are_flagged_by_name_within_fifty_parts(expected):
     rng = np.random.default_rng(5)
     parts = history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS))
     result = watch(parts, expected)
@@ -82,14 +82,14 @@ WORLD = {"name": "a", "readings": [{}]}
         *({"worlds": [WORLD | {"readings": [row]}, WORLD]} for row in ({"300": 1}, {"3": -1})),
     ],
 )
-def test_files_that_are_refused(change, output, tmp_path):
+def test_load_malformed_file_is_refused(change, output, tmp_path):
     result = tmp_path / "changed.json"
     result.write_text(json.dumps(output | change))
     with pytest.raises(InputError, match="does not hold"):
         load(result)
 
 
-def test_file_that_is_none(tmp_path):
+def test_load_missing_file_or_not_json_is_refused(tmp_path):
     with pytest.raises(InputError, match="make it with plan-expect"):
         load(tmp_path / "none.json")
     (tmp_path / "text").write_text("{")
@@ -97,7 +97,7 @@ def test_file_that_is_none(tmp_path):
         load(tmp_path / "text")
 
 
-def test_expectation_of_another_table_is_refused(expected, output, tmp_path):
+def test_watch_expectation_of_another_table_is_refused(expected, output, tmp_path):
     parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
     assert watch(History(TABLE, parts, DIGEST), expected) == []
     with pytest.raises(UsageError, match="another table"):

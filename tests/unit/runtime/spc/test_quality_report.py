@@ -1,4 +1,4 @@
-"""`grasp-audit report`: from journals alone to a page, a table of parts, and an exit code."""
+"""`grasp-audit report` turns journals into a page, a table of parts and an exit code."""
 
 import csv
 import hashlib
@@ -36,7 +36,7 @@ def without_time(parts):
     return [(p.number, p.squeezes, p.outcome, p.leaf, p.verdict, p.residual) for p in parts]
 
 
-def test_history_comes_back_from_journals(tmp_path):
+def test_history_read_two_journals_returns_table_and_parts(tmp_path):
     first, second = parts_of(20), parts_of(15, seed=2, first=20)
     paths = [write(tmp_path / "a.jsonl", first), write(tmp_path / "b.jsonl", second, ended=False)]
     result = reading.read(paths)
@@ -45,7 +45,7 @@ def test_history_comes_back_from_journals(tmp_path):
     assert {part.time for part in result.parts} == {STAMP}
 
 
-def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
+def test_history_read_other_table_or_no_part_is_refused(tmp_path):
     other = replace(TABLE, tool="another")
     paths = [write(tmp_path / "a.jsonl", parts_of(2)), write(tmp_path / "b.jsonl", [], other)]
     with pytest.raises(UsageError, match="of another table"):
@@ -54,7 +54,7 @@ def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
         reading.read([write(tmp_path / "c.jsonl", [])])
 
 
-def test_changed_journal_is_refused(tmp_path):
+def test_history_read_changed_journal_is_refused(tmp_path):
     path = write(tmp_path / "a.jsonl", parts_of(3))
     path.write_bytes(path.read_bytes().replace(b'"pass"', b'"fail"', 1))
     with pytest.raises(JournalError, match="changed after it was written"):
@@ -62,7 +62,7 @@ def test_changed_journal_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("change", [{"node": 999}, {"node": "first"}, {"width_um": None}])
-def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
+def test_history_read_squeeze_not_in_table_is_refused(tmp_path, change):
     path = tmp_path / "a.jsonl"
     with Chain(path) as journal:
         journal.header(TABLE)
@@ -72,7 +72,7 @@ def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
         reading.read([path])
 
 
-def test_summary_counts_what_the_parts_say():
+def test_summarise_counts_match_parts():
     result = history(TABLE, parts_of(400))
     record = summarise(result)
     assert sum(record.outcomes.values()) == 400
@@ -90,7 +90,7 @@ def test_summary_counts_what_the_parts_say():
         assert [mean for mean, _ in row.residuals] == pytest.approx(means)
 
 
-def test_page_is_whole_and_needs_no_network():
+def test_page_is_well_formed_and_self_contained():
     rng = np.random.default_rng(5)
     result = history(TABLE, drawn(TABLE, 60, rng), drawn(TABLE, 120, rng, width_shift_um=SHIFT_UM))
     text = page("a < b", summarise(result))
@@ -103,7 +103,7 @@ def test_page_is_whole_and_needs_no_network():
     assert any(MEANING[chart].split(":")[0] in text for chart in ("widths", "branches"))
     assert "Shiryaev" not in text
     assert "nan" not in text
-    assert not re.search(r"<t[dh][^>]*>-</t", text)  # what is not known has no dash
+    assert not re.search(r"<t[dh][^>]*>-</t", text)  # an unknown value is not shown as a dash
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def journal(tmp_path):
     return write(tmp_path / "run.jsonl", parts_of(60))
 
 
-def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, capsys):
+def test_report_writes_page_and_csv_and_prints_json(journal, tmp_path, capsys):
     outputs = ["-o", str(tmp_path / "r.html"), "--export", str(tmp_path / "p.csv")]
     assert main(["report", str(journal), *outputs, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
@@ -133,30 +133,34 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
         (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
     ],
 )
-def test_report_of_mistakes_is_one_line(journal, tmp_path, monkeypatch, words, code, sentence):
+def test_report_invalid_arguments_print_one_line(
+    journal, tmp_path, monkeypatch, words, code, sentence
+):
     monkeypatch.chdir(tmp_path)
     end = called(main, "report", *(word.format(journal=journal) for word in words))
     assert (end.code, end.one_line) == (code, True)
     assert sentence in end.err
 
 
-def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
+def test_report_expected_flags_changed_readings(tmp_path, capsys):
     digest = hashlib.sha256(dumps(TABLE)).hexdigest()
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, digest)))
     parts = [*parts_of(60, seed=8), *parts_of(60, seed=9, first=60, shares=LESS)]
     journal = write(tmp_path / "a.jsonl", parts)
     words = ["report", str(journal), "--expected", str(tmp_path / "e.json")]
     assert main([*words, "-o", str(tmp_path / "r.html")]) == 11
-    said = capsys.readouterr().out
-    assert "readings are those of less" in said
-    assert re.search(r"<h2>Readings are those of less", (tmp_path / "r.html").read_text())
+    assert "readings are those of less" in capsys.readouterr().out
+    assert "<h2>Readings are those of less" in (tmp_path / "r.html").read_text()
+
+
+def test_report_expected_of_another_table_is_refused(journal, tmp_path, capsys):
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, "1" * 64, 10)))
-    assert main(words) == 2
+    assert main(["report", str(journal), "--expected", str(tmp_path / "e.json")]) == 2
     assert "another table" in capsys.readouterr().err
 
 
 def as_result(part):
-    """How the run that wrote a part told of it."""
+    """The part as the run that wrote it reported it."""
     steps = []
     for number, squeeze in enumerate(part.squeezes, start=1):
         node = TABLE.nodes[squeeze.node]
@@ -166,7 +170,7 @@ def as_result(part):
 
 
 @pytest.mark.parametrize("shift_um", [0.0, SHIFT_UM])
-def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
+def test_drift_add_agrees_with_alarms_of_monitor_watch(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
     lines = [drift.add(as_result(part)) for part in parts]
@@ -178,7 +182,7 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
         assert all(lines[lines.index(True) :])
 
 
-def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
+def test_history_read_torn_last_line_is_ignored(tmp_path):
     whole = write(tmp_path / "a.jsonl", parts_of(6), ended=False)
     result = reading.read([whole]).parts
     with whole.open("ab") as file:

@@ -1,4 +1,4 @@
-"""A table held against the job inside it: what the two both say, and parts that no jaws would hold so."""
+"""A table compared with its embedded job: values that both state, and poses that no jaws could hold."""
 
 import json
 import time
@@ -21,7 +21,7 @@ PUSH = Push(-60_000, 0, 0, 0, 30_000, 30_000)
 
 
 def shifted(x_um: int, y_um: int) -> Table:
-    """The table with all leaves moved together, as if it had been made for another place."""
+    """The table with all leaves moved by the same distance."""
     leaves = (leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in TABLE.leaves)
     return replace(TABLE, leaves=tuple(leaves))
 
@@ -53,7 +53,7 @@ def shifted(x_um: int, y_um: int) -> Table:
         ("nodes.0.pushes", (PUSH,), "actions.pushes is belief, but the embedded job says"),
     ],
 )
-def test_a_table_that_its_job_contradicts_is_refused(path, value, said):
+def test_loads_table_contradicting_its_job_is_refused(path, value, said):
     with pytest.raises(TableError) as refused:
         loads(encode(changed(TABLE, {path: value})))
     assert said in str(refused.value)
@@ -61,14 +61,14 @@ def test_a_table_that_its_job_contradicts_is_refused(path, value, said):
 
 
 @pytest.mark.parametrize("direction", range(8))
-def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction):
+def test_dumps_leaves_shifted_15_mm_are_refused(direction):
     turn = direction * pi / 4
     with pytest.raises(TableError, match="does not lie between the jaws"):
         dumps(shifted(round(15_000 * cos(turn)), round(15_000 * sin(turn))))
 
 
-def test_a_leaf_that_is_turned_is_refused():
-    """By a quarter: the jaws read 21 mm where the rectangle is 30 mm wide, in a cell without doubts."""
+def test_dumps_leaf_turned_by_quarter_is_refused():
+    """The jaws read 21 mm where the turned rectangle is 30 mm wide; the job has no doubts that allow it."""
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
     quarter = round(1e6 * pi / 2)
     branches = [branch for node in TABLE.nodes for branch in node.branches]
@@ -79,7 +79,7 @@ def test_a_leaf_that_is_turned_is_refused():
         dumps(changed(certain, turned))
 
 
-def test_check_of_a_forged_table_is_refused_before_anything_is_connected(tmp_path):
+def test_check_forged_table_is_refused_in_one_line(tmp_path):
     path = tmp_path / "forged.msgpack"
     path.write_bytes(encode(changed(TABLE, {"limits.squeeze_height_um": -50_000})))
     end = called(main, "--tree", path, "--check")
@@ -107,22 +107,22 @@ def two_parts(**changes: object) -> dict[str, object]:
         ({"part": {"outline_mm": [[1, 2, 3]]}}, "outline_mm of the embedded job is no list of"),
     ],
 )
-def test_parts_that_the_job_names_otherwise_are_refused(changes, said):
+def test_dumps_parts_differing_from_job_are_refused(changes, said):
     dumps(with_job(several_table(), json.dumps(two_parts())))
     with pytest.raises(TableError, match=said):
         dumps(with_job(several_table(), json.dumps(two_parts(**changes))))
 
 
-def test_what_a_job_leaves_out_is_not_compared():
-    """Each section alone passes as well: none is taken for granted."""
+def test_dumps_sections_missing_from_job_are_not_compared():
+    """The job passes with each section alone and without each section."""
     job = json.loads(TABLE.job or "")
     for name, value in job.items():
         dumps(with_job(TABLE, json.dumps({name: value})))
         dumps(with_job(TABLE, json.dumps({key: kept for key, kept in job.items() if key != name})))
 
 
-def test_an_outline_of_thousands_of_points_takes_milliseconds():
-    """A wavy disc that the job of the rectangle's table names: its grips are refused, and soon."""
+def test_dumps_outline_of_9999_points_is_refused_quickly():
+    """The job of the rectangle's table names a wavy disc, whose grips are refused."""
     job = json.loads(TABLE.job or "")
     steps = [2 * pi * k / 9_999 for k in range(9_999)]
     radii = [40 + cos(40 * step) for step in steps]
@@ -143,7 +143,7 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds():
         (replace(TABLE, job=None), "the table carries no job: its heights, limits and poses were"),
     ],
 )
-def test_check_says_what_was_compared_and_what_was_not(table, said, tmp_path, capsys):
+def test_check_prints_whether_table_was_compared_with_job(table, said, tmp_path, capsys):
     dump(table, tmp_path / "table.msgpack")
     assert main(["--tree", str(tmp_path / "table.msgpack"), "--check"]) == 0
     out = capsys.readouterr().out
@@ -151,7 +151,7 @@ def test_check_says_what_was_compared_and_what_was_not(table, said, tmp_path, ca
     assert "plan-evaluate" in out
 
 
-def test_the_number_of_parts_is_the_jobs():
+def test_dumps_number_of_parts_unlike_job_is_refused():
     job = {"part": {"name": "left hand"}}
     with pytest.raises(TableError, match="the number of parts is 2, but the embedded job says 1"):
         dumps(with_job(several_table(), json.dumps(job)))

@@ -1,4 +1,4 @@
-"""The bytes of a table: there and back, one encoding each, all else refused with a reason."""
+"""The bytes of a table: they round-trip, each table has one encoding, all else is refused with a reason."""
 
 import hashlib
 import subprocess
@@ -27,17 +27,17 @@ PAYLOAD = msgpack.unpackb(SMALL)[3]
 
 
 def framed(payload: bytes, version: object = FORMAT) -> bytes:
-    """A file around a payload, its digest right."""
+    """A file with a payload and its correct digest."""
     return bytes(msgpack.packb(["squeezetree", version, hashlib.sha256(payload).digest(), payload]))
 
 
 def sections_of(table: Table) -> list[list[object]]:
-    """The sections of a table's file."""
+
     return list(msgpack.unpackb(msgpack.unpackb(dumps(table))[3]))
 
 
 def with_sections(sections: list[list[object]]) -> bytes:
-    """A file of these sections."""
+
     return framed(bytes(msgpack.packb(sections)))
 
 
@@ -63,7 +63,7 @@ def with_field(path: str, value: object, table: Table | None = None) -> bytes:
     ],
     ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes"],
 )
-def test_a_table_comes_back_as_it_is(table):
+def test_loads_of_dumps_is_same_table(table):
     data = dumps(table)
     assert loads(data) == table
     assert dumps(loads(data)) == data
@@ -83,12 +83,12 @@ LONGER = PAYLOAD.replace(b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
         framed(LONGER),  # an integer in two bytes for a 1
     ],
 )
-def test_decode_refuses_another_encoding_of_a_table(data):
+def test_loads_other_encoding_of_table_is_refused(data):
     with pytest.raises(TableError, match="not in the canonical encoding of a table"):
         loads(data)
 
 
-def test_every_damaged_bit_and_every_cut_is_refused():
+def test_loads_damaged_bit_or_cut_is_refused():
     for at in range(len(SMALL)):
         with pytest.raises(TableError):
             loads(SMALL[:at])
@@ -140,7 +140,7 @@ SECTIONS_OF_SMALL = sections_of(small_table())
         (with_field("branches.node", [0, 0, 0, 0]), "node 1: number of branches is 0"),
     ],
 )
-def test_hostile_bytes_are_refused_with_a_reason(data, reason):
+def test_loads_malformed_bytes_are_refused_with_reason(data, reason):
     with pytest.raises(TableError, match=reason):
         loads(data)
 
@@ -160,14 +160,14 @@ def test_hostile_bytes_are_refused_with_a_reason(data, reason):
         ("leaves.0.trials", 1 << 70),
     ],
 )
-def test_what_would_not_come_back_as_it_is_has_no_bytes(path, value):
+def test_dumps_value_that_would_not_round_trip_is_refused(path, value):
     with pytest.raises(TableError):
         dumps(changed(small_table(), {path: value}))
 
 
 # -- exhausting the reader ------------------------------------------------------------------------
 
-# Reads a file with an address space that leaves the reader 128 MiB, then says what it said.
+# Reads files in an address space with 128 MiB to spare and prints each refusal.
 READ = """
 import resource, sys
 from runtime.table import TableError, load
@@ -195,7 +195,7 @@ HOSTILE = [
 ]
 
 
-def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path):
+def test_load_exhausting_file_is_refused_in_little_memory(tmp_path):
     paths = [tmp_path / f"{number}.msgpack" for number in range(len(HOSTILE))]
     for path, (data, _) in zip(paths, HOSTILE, strict=True):
         path.write_bytes(data)
@@ -209,7 +209,7 @@ def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path)
 # -- files ----------------------------------------------------------------------------------------
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+def test_dump_of_invalid_table_keeps_old_file(tmp_path):
     path = tmp_path / "small.msgpack"
     dump(small_table(), path)
     assert load(path) == (small_table(), SMALL, hashlib.sha256(SMALL).hexdigest())
@@ -219,7 +219,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["small.msgpack"]
 
 
-def test_errors_name_the_file_and_carry_their_codes(tmp_path):
+def test_load_error_names_file_and_remedy(tmp_path):
     (tmp_path / "cut.msgpack").write_bytes(SMALL[:-1])
     for name, said in (("none.msgpack", "No such file"), ("cut.msgpack", "copy the file again")):
         with pytest.raises(TableError, match=rf"{name}.*{said}"):

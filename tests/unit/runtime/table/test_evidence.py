@@ -1,4 +1,4 @@
-"""Figures of a table: tests of a share against a second method, and figures that contradict one another."""
+"""Figures of a table: tests of a share against a second method, and the refusal of contradictory figures."""
 
 import re
 
@@ -15,7 +15,7 @@ from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300])
-def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(trials, confidence):
+def test_refuted_few_trials_equals_exact_binomial_test(trials, confidence):
     """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
     tails = binom.cdf(range(trials + 1), trials, confidence)
     for successes, tail in enumerate(tails):
@@ -23,7 +23,7 @@ def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(trials, conf
             assert refuted(successes, trials, confidence) == (tail < LEVEL), (successes, trials)
 
 
-def test_where_the_exact_sum_would_be_long_the_interval_speaks():
+def test_refuted_many_misses_equals_wilson_interval():
     assert (MOST_TERMS, LEVEL, LEAST_LOG) == (1_000, 0.025, -700.0)
     assert pytest.approx(1.959964, abs=1e-6) == Z95  # two-sided 95 %
     for trials, confidence in ((100_000, 0.99), (20_000, 0.9), (10**9, 0.999)):
@@ -34,8 +34,8 @@ def test_where_the_exact_sum_would_be_long_the_interval_speaks():
 
 
 @pytest.mark.parametrize("trials", [50, 300, 200_000])
-def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials):
-    """Bonferroni: the chance that any of them is refuted, all being as good as allowed, is at most 2.5 %."""
+def test_refuted_many_leaves_keeps_total_error_at_level(trials):
+    """Bonferroni: if all leaves are just good enough, the chance that any is refuted is at most 2.5 %."""
     for leaves in (1, 30, 400):
         least = next(n for n in range(trials) if refuted(trials - n, trials, 0.99, leaves))
         chance = binom.cdf(trials - least, trials, 0.99)
@@ -44,16 +44,16 @@ def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials):
         assert leaves * binom.cdf(trials - least + 1, trials, 0.99) > LEVEL * 0.9
 
 
-def test_an_underflow_is_not_taken_for_a_refutation():
-    """0.5 to the 2000th power is no float: every single success would seem impossible."""
+def test_refuted_probability_underflow_does_not_refute():
+    """0.5 ** 2000 underflows to 0, so that every number of successes would seem impossible."""
     assert not refuted(1_000, 2_000, 0.5)
     assert refuted(900, 2_000, 0.5)
-    assert not refuted(700, 700, 0.37)  # exp(-696) is still one
+    assert not refuted(700, 700, 0.37)  # exp(-696) is still a float
     assert not refuted(260, 701, 0.37)
 
 
-def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long():
-    """At a confidence of 1 nothing else bounds the number of terms."""
+def test_refuted_at_confidence_one_any_miss_refutes():
+    """At a confidence of 1 only the first miss bounds the number of terms."""
     assert not refuted(10**6, 10**6, 1.0)
     assert refuted(10**6 - 1, 10**6, 1.0)
     assert refuted(0, 10**10, 1.0)
@@ -61,7 +61,7 @@ def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long():
 
 
 @given(st.integers(0, 200), st.integers(1, 200))
-def test_the_interval_is_scipys(successes, trials):
+def test_wilson_interval_equals_scipy(successes, trials):
     theirs = binomtest(min(successes, trials), trials).proportion_ci(0.95, "wilson")
     ours = wilson_interval(min(successes, trials), trials)
     assert ours == pytest.approx((theirs.low, theirs.high), abs=1e-9)
@@ -83,18 +83,18 @@ TABLE = small_table()
         ("predicted", {"mean_squeezes_ppm": 957_999}, "allowed is 958000..4000000"),
     ],
 )
-def test_figures_that_cannot_be_of_one_evaluation_are_refused(record, values, said):
+def test_validate_figures_contradictory_values_are_refused(record, values, said):
     table = changed(TABLE, {f"{record}.{name}": value for name, value in values.items()})
     with pytest.raises(TableError, match=re.escape(said)):
         dumps(table)
 
 
-def test_figures_where_some_parts_were_hit_before_they_were_squeezed_pass():
+def test_validate_figures_fewer_squeezes_than_parts_pass():
     dumps(changed(TABLE, {"predicted.mean_squeezes_ppm": 990_000}))
 
 
-def test_figures_of_an_evaluation_pass():
-    """Whatever share of the trials met the goal: quantiles as the planner takes them, interpolated."""
+def test_validate_figures_of_any_evaluation_pass():
+    """Errors are drawn at random, and their quantiles interpolated as the planner does."""
     rng = np.random.default_rng(0)
     for trials in [*range(1, 60), 400]:
         errors = rng.exponential(rng.uniform(200, 2_500), trials)

@@ -1,4 +1,4 @@
-"""The one goal test, and the planner's arrays against it, whatever the goal."""
+"""The cell's goal test against the planner's, for every kind of goal."""
 
 import math
 
@@ -35,7 +35,7 @@ def leaf_at(poses: np.ndarray) -> Leaf:
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "identity"])
-def test_the_cell_and_the_planner_agree(kind, order):
+def test_meets_equals_metric_of_planner(kind, order):
     rng = np.random.default_rng(order)
     metric = Metric(3.0, 10.0, order, kind, TOLERANCE, 2)
     goal = GoalSpec(3000, 950_000, 10_000, order, kind, Tolerance(2000, 1000, 200_000), 2)
@@ -56,7 +56,7 @@ def test_the_cell_and_the_planner_agree(kind, order):
     assert (result > 12).all()
 
 
-def test_the_error_counts_angles_under_the_symmetry():
+def test_error_mm_counts_angle_modulo_symmetry():
     goal = small_table().goal  # rho 10.571 mm, half turns are equal
     assert error_mm(goal, (0, 0, 0.1), (3, 4, 0.1)) == pytest.approx(5.0)
     assert error_mm(goal, (0, 0, 0.2), (0, 0, 0.1)) == pytest.approx(1.0571)

@@ -1,4 +1,4 @@
-"""Whether closed jaws hold a part as a leaf says: convex parts, and a finger in a slot."""
+"""Whether closed jaws hold a part at a leaf's pose, also with a finger in a slot."""
 
 from math import pi
 
@@ -32,7 +32,7 @@ def held(width_mm: float, pose: tuple[float, float, float]) -> bool:
         (8.0, (0.0, 60.0, 0.0), False),  # far away
     ],
 )
-def test_is_held_of_a_fork_is_what_fingers_of_steel_allow(width_mm, pose, expected):
+def test_is_held_fork_matches_rigid_fingers(width_mm, pose, expected):
     assert held(width_mm, pose) == expected
 
 

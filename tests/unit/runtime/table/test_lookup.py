@@ -1,4 +1,4 @@
-"""Look-up by the rule: every node, every width, every object flag, against the rule as it is written."""
+"""Look-up: every node, width and object flag against a plain implementation of the rule."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ TABLES = [small_table(), every_field_table(), random_table(1, 60), random_table(
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
-    """Decision 0056: those that the flag admits, contained, nearest expected width, the lower of two."""
+    """Decision 0056: of the branches that flag and interval admit, the nearest; of two, the lower."""
     grips, others = [], []
     for number, branch in enumerate(node.branches):
         if branch.low_um <= width_um <= branch.high_um:
@@ -44,7 +44,7 @@ def node_of(*intervals: tuple[int, int, int]) -> Node:
 
 
 def widths_of(node: Node) -> list[int]:
-    """Widths about every place where the meaning may change, and some in between."""
+    """Widths about every place where the decision may change, and some in between."""
     places = {0, 1, GRIPPER.empty_um}
     for branch in node.branches:
         places |= {branch.low_um, branch.expected_um, branch.high_um}
@@ -75,7 +75,7 @@ def test_decide_at_every_node_width_and_flag_follows_the_rule(nodes):
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
-def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_reaches_it(table):
+def test_decision_map_of_valid_table_has_exactly_its_branches(table):
     dumps(table)  # validates it
     for node in table.nodes:
         decided = decision_map(node, table.gripper)
@@ -84,7 +84,7 @@ def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_r
         assert set(by_count(decided)) - {REJECT} == numbers
 
 
-def test_a_flag_that_contradicts_the_width_is_rejected():
+def test_decide_flag_contradicting_width_rejects():
     nothing, grip = (0, 0, 900), (20_000, 21_000, 22_000)
     decided = decision_map(node_of(nothing, grip), GRIPPER)
     closed, held = 0, 21_000
@@ -96,8 +96,8 @@ def test_a_flag_that_contradicts_the_width_is_rejected():
 
 
 @pytest.mark.parametrize("width", [-(10**9), -1, 85_001, 10**9])
-def test_decide_of_no_width_of_the_gripper_rejects(width):
-    """Also where every width has a branch."""
+def test_decide_width_outside_stroke_rejects(width):
+    """Also where every width of the stroke has a branch."""
     nothing, any_grip = (0, 0, 1_999), (2_000, 40_000, 85_000)
     for node in (small_table().nodes[0], node_of(nothing, any_grip)):
         decided = decision_map(node, GRIPPER)
@@ -105,8 +105,8 @@ def test_decide_of_no_width_of_the_gripper_rejects(width):
         assert decide(decided, width, felt=False) == REJECT
 
 
-def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt():
-    """TABLE.md: the flag may miss it up to 5 mm."""
+def test_decide_grip_is_wide_or_above_zero_and_unfelt_up_to_5_mm():
+    """TABLE.md: the object flag may miss a grip of up to 5 mm."""
     assert (HELD_UM, REJECT) == (2_000, -1)
     at = 1_900
     for low, expected, grip in ((0, 1_999, False), (0, 2_000, True), (1, 1_999, True)):
@@ -117,7 +117,7 @@ def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_ma
     assert [decide(wide, width, False) for width in (5_000, 5_001)] == [0, REJECT]
 
 
-def test_counted_widths_are_robotiqs_line():
+def test_counted_um_equals_robotiq_line():
     # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
     for count in range(256):
         width_um = min(max(85e3 * (230 - count) / 227, 0), 85e3)
@@ -130,7 +130,7 @@ FINE = replace(GRIPPER.profile, resolution_um=10.0, counts=None)
 
 @pytest.mark.parametrize("profile", [GRIPPER.profile, FINE], ids=["2F-85", "0.01 mm"])
 @pytest.mark.parametrize("points", [(), WORN.points_um], ids=["nominal", "worn"])
-def test_calibration_of_a_width_is_the_nearest_reading_and_the_least_above(profile, points):
+def test_calibration_gives_nearest_reading_and_least_opening(profile, points):
     calibration = Calibration(profile, points)
     readings = [profile.reading_um(step) for step in range(profile.steps + 1)]
     truly = {reading: calibration.width_um(reading) for reading in readings}

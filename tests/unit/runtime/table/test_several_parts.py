@@ -1,4 +1,4 @@
-"""Tables of several parts: their bytes, their validation, and the goal under each part's own symmetry."""
+"""Tables of several parts: their validation, and the goal under the symmetry of each part."""
 
 import math
 from dataclasses import replace
@@ -21,12 +21,12 @@ from runtime.table import TableError, dumps, meets
         ({"leaves.0.hypothesis": 2}, "hypothesis is 2"),
     ],
 )
-def test_what_must_not_be_executed_is_refused(changes, message):
+def test_dumps_invalid_hypotheses_are_refused(changes, message):
     with pytest.raises(TableError, match=message):
         dumps(changed(table(), changes))
 
 
-def test_one_part_is_not_asked_for():
+def test_dumps_identity_goal_of_single_part_is_refused():
     for change in ({"goal.kind": "identity"}, {"goal.identify": False}):
         with pytest.raises(TableError, match="but there is only one"):
             dumps(changed(small_table(), change))
@@ -34,7 +34,7 @@ def test_one_part_is_not_asked_for():
         dumps(changed(small_table(), {"leaves.2.hypothesis": 1}))
 
 
-def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry():
+def test_meets_applies_symmetry_of_part():
     parts = table()
     one, two, _ = parts.leaves
     there, turned = (0.0, 0.5, 0.0), (0.0, 0.5, math.pi)
@@ -47,7 +47,7 @@ def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry():
     assert small_table().name_of(one) is None
 
 
-def test_a_right_name_is_all_that_an_identity_asks_for():
+def test_meets_identity_goal_ignores_pose():
     parts = table()
     goal = replace(parts.goal_of(0), kind="identity")
     assert meets(goal, parts.leaves[0], (90.0, 0.0, 1.0), 0)

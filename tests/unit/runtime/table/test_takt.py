@@ -1,4 +1,4 @@
-"""Percentiles of what parts take, and the share within a takt."""
+"""Percentiles of the times of parts, and the share within a takt."""
 
 from collections import Counter
 from random import Random
@@ -8,7 +8,7 @@ import pytest
 from runtime.table.takt import figures, text
 
 
-def test_figures_of_many_parts_are_those_of_the_sorted_list():
+def test_figures_of_many_parts_equal_those_of_sorted_list():
     random = Random(3)
     seconds = [round(random.expovariate(0.2), 2) for _ in range(997)]
     result, rising = figures(Counter(seconds), 4.0), sorted(seconds)
@@ -23,5 +23,5 @@ def test_figures_of_many_parts_are_those_of_the_sorted_list():
     assert not {"takt_probability", "takt_s"} & figures(Counter(seconds)).keys()
 
 
-def test_share_within_the_takt_as_text_names_both():
+def test_text_states_share_and_takt():
     assert text(figures({1.5: 3, 2.5: 1}, 2.0)) == "75.00% done within 2 s"

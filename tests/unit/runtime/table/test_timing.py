@@ -1,4 +1,4 @@
-"""The model of time: against laws of motion, and what a job may say of its cell."""
+"""The model of time against the laws of motion, and the values of a job's cell that are refused."""
 
 import json
 from math import pi
@@ -17,7 +17,7 @@ def timing(**cell: float):
 
 
 @pytest.mark.parametrize("way_mm", [0.0, 1.0, 31.0, 32.0, 500.0])
-def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm):
+def test_trapezoid_s_covers_way_within_speed_and_acceleration(way_mm):
     speed, acceleration = 250.0, 2000.0
     seconds = trapezoid_s(way_mm, speed, acceleration)
     ramp_s = min(speed / acceleration, seconds / 2)
@@ -25,13 +25,13 @@ def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm):
     assert area_mm == pytest.approx(way_mm)
 
 
-def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach():
+def test_move_s_of_turn_equals_arc_at_turn_radius():
     cell = timing()
     assert cell.move_s(3.0, pi / 2) == cell.move_s(cell.turn_radius_mm * pi / 2)
     assert cell.move_s(0.0) == 0.0
 
 
-def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_saves_time():
+def test_squeeze_first_visit_descends_on_the_way_if_near_and_faster():
     cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
     first = VISIT._replace(from_retreat=True)
     again = VISIT._replace(turn_rad=pi / 2)
@@ -53,7 +53,7 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
         ({"regrasp_height_mm": "high"}, "regrasp_height_mm"),
     ],
 )
-def test_table_with_a_job_no_motion_can_keep_is_refused(cell, problem):
+def test_dumps_job_with_impossible_motion_is_refused(cell, problem):
     table = with_job(small_table(), json.dumps({"cell": cell}))
     with pytest.raises(TableError, match=problem):
         dumps(table)

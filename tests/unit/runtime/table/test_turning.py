@@ -1,4 +1,4 @@
-"""Turned plans: there and back is the same plan, distances stay, and what must not turn does not."""
+"""Turned plans: turning back restores the plan, distances stay, and some plans may not be turned."""
 
 from dataclasses import replace
 from math import hypot, pi
@@ -13,7 +13,7 @@ TURNS_URAD = [1, 785_398, -1_570_796, 3_141_592, 5_000_000]
 
 
 def numbers(table: Table) -> list[int]:
-    """Places, in um, and angles, in urad modulo a turn of two halves each, of nodes and leaves."""
+    """Places [um] and angles [urad] of all nodes and leaves."""
     result: list[int] = []
     for node in table.nodes:
         result += [*node.squeeze.place, node.squeeze.angle_urad, *(node.release or ())]
@@ -24,7 +24,7 @@ def numbers(table: Table) -> list[int]:
 
 @pytest.mark.parametrize("turn_urad", TURNS_URAD)
 @pytest.mark.parametrize("table", [every_field_table(), random_table(3, 12)], ids=["all", "random"])
-def test_turned_plan_turned_back_is_the_plan(table: Table, turn_urad: int) -> None:
+def test_turned_and_turned_back_restores_plan(table: Table, turn_urad: int) -> None:
     back = turned(turned(table, turn_urad), -turn_urad)
     assert numbers(back) == pytest.approx(numbers(table), abs=2)
     for leaf, before in zip(back.leaves, table.leaves, strict=True):
@@ -35,7 +35,7 @@ def test_turned_plan_turned_back_is_the_plan(table: Table, turn_urad: int) -> No
 
 
 @pytest.mark.parametrize("turn_urad", TURNS_URAD)
-def test_turned_plan_keeps_distances_between_hand_and_part(turn_urad: int) -> None:
+def test_turned_keeps_distances_between_hand_and_part(turn_urad: int) -> None:
     table = every_field_table()
     result = turned(table, turn_urad)
     for node, before in zip(result.nodes, table.nodes, strict=True):
@@ -68,7 +68,7 @@ TIGHT = {"limits.work_area_um": Area(-60_000, -2_100, 60_000, 60_000)}
         (small_table(), UNKNOWN, 58.0),
     ],
 )
-def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(
+def test_may_turn_where_direction_matters_is_false(
     table: Table, job: dict | None, middle_mm: float
 ) -> None:
     assert may_turn(small_table(), UNKNOWN)
@@ -77,7 +77,7 @@ def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(
 
 @pytest.mark.parametrize("share", [0.5, 0.6])
 @pytest.mark.parametrize("angle_rad", [-2.0, 0.7, 4.0])
-def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(
+def test_schedule_of_turned_plan_starts_without_turning_hand(
     share: float, angle_rad: float
 ) -> None:
     job = {"gripper": {"upper_finger_share": share}}

@@ -1,4 +1,4 @@
-"""The validation of a table at its edges: the last value that is allowed, the first that is not, and why."""
+"""Validation of a table: the last value that is allowed, the first that is refused, and the reason."""
 
 import hashlib
 from dataclasses import replace
@@ -25,7 +25,9 @@ from runtime.table import (
 from runtime.table.validation import validate
 
 TABLE = small_table()
-UNTRIED = replace(TABLE, predicted=Prediction(0, 0, 0))  # whose leaves may have any figures
+UNTRIED = replace(
+    TABLE, predicted=Prediction(0, 0, 0)
+)  # without trials the leaves may have any figures
 
 
 def one_node(*rows: tuple[int, int, int]) -> Table:
@@ -76,7 +78,7 @@ FIELDS = [
 ]
 TWO_POSES = "leaf 0: 2 poses are more than the goal allows; mark it unresolved"
 NEAREST_TAKEN = "node 0, branch 1: expected_um is 21000, allowed is 21001..22000"
-# Of untried leaves: errors that were measured bind the goal, too.
+# Without trials of the leaves, since measured errors limit the goal, too.
 LEAVES_UNTRIED = replace(UNTRIED, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))
 IN_TOLERANCES = {"goal.kind": "tolerances", "goal.tolerance": Tolerance(1, 1, 1)}
 NONE_GOOD = {"leaves.0.success_ppm": 0, "leaves.0.trials": 0}
@@ -105,7 +107,7 @@ def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(allowed,
     assert message in str(result.value)
 
 
-def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open():
+def test_validate_leaf_with_more_poses_than_goal_allows_is_refused():
     modes = {"goal.kind": "modes", "goal.modes": 2, "leaves.0.alternatives": (LeafPose(0, 0, 1),)}
     two = changed(UNTRIED, modes)
     dumps(two)
@@ -115,8 +117,8 @@ def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open():
         dumps(changed(two, {"goal.kind": "pose"}))
 
 
-def test_a_grip_is_never_read_where_the_jaws_are_closed():
-    """An interval of the closed jaws alone is a branch for nothing held, or none."""
+def test_validate_grip_that_only_closed_jaws_read_is_refused():
+    """An interval that only closed jaws read is a branch for an empty grip or for nothing."""
     dumps(one_node((0, 0, 0)))
     wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, steps=2))  # 0, 42.5, 85 mm
     with pytest.raises(TableError, match=r"no reading means 0\.00\.\.2\.00 mm"):
@@ -138,13 +140,13 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed():
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
     ],
 )
-def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table, message):
+def test_validate_tree_not_numbered_breadth_first_is_refused(table, message):
     with pytest.raises(TableError) as result:
         dumps(table)
     assert message in str(result.value)
 
 
-def test_validate_of_a_long_chain_does_not_recurse():
+def test_validate_chain_of_64_nodes_obeys_max_depth():
     first, second = TABLE.nodes[0].branches
     nodes = [
         Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
@@ -162,7 +164,7 @@ def test_validate_of_a_long_chain_does_not_recurse():
 # -- the embedded job -----------------------------------------------------------------------------
 
 
-def test_the_embedded_job_is_read_and_a_stripped_one_is_none():
+def test_job_of_table_is_embedded_job_or_none():
     assert job_of(every_field_table()) == {"seed": 1}
     assert job_of(TABLE) is None
 
@@ -177,13 +179,13 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none():
     ],
     ids=["nested deep", "long number", "cut short", "no object"],
 )
-def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text, message):
+def test_validate_unreadable_job_is_refused_in_one_line(text, message):
     with refused_in_a_line(TableError, message) as result:
         dumps(with_job(TABLE, text))
     assert len(str(result.value)) < 250
 
 
-def test_a_job_of_another_digest_is_refused():
+def test_validate_job_with_another_digest_is_refused():
     with pytest.raises(TableError, match="not the one the table was made from"):
         validate(replace(TABLE, job="{}"))
     dumps(replace(TABLE, job="{}", job_digest=hashlib.sha256(b"{}").digest()))

@@ -1,4 +1,4 @@
-"""What is told of a located part: its name and its own frames where one of several may lie there."""
+"""The answer for a located part: its pose, and its name and frames where the table has several parts."""
 
 import json
 from dataclasses import replace
@@ -22,14 +22,14 @@ def at(leaf: int, turn_urad: int = 0) -> PartResult:
     return PartResult(1, Outcome.LEAF, (), leaf, None, 0, turn_urad=turn_urad)
 
 
-def test_the_answer_of_a_turned_plan_is_where_the_part_lies() -> None:
+def test_fields_of_turned_plan_give_pose_of_part() -> None:
     table = with_parts(several_table())
     result = fields(table, at(0, 1_570_796), frames_of(table))
     assert result["x_mm"] == pytest.approx(-0.5)
     assert result["datum"] == {"x_mm": -2.5, "y_mm": 1.0, "angle_deg": 180.0}
 
 
-def test_each_part_is_reported_in_its_own_frames():
+def test_fields_of_several_parts_use_frames_of_located_part():
     table = with_parts(several_table())
     one, other = (fields(table, at(leaf), frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
@@ -41,12 +41,12 @@ def test_each_part_is_reported_in_its_own_frames():
     assert other["picks"] == {}
 
 
-def test_the_answer_of_one_part_has_no_name():
+def test_fields_of_single_part_have_no_hypothesis():
     table = small_table()
     assert "hypothesis" not in fields(table, at(0), frames_of(table))
 
 
 @pytest.mark.parametrize("job", [None, "{}", "[", '{"hypothesis": [{}, 3]}', '{"hypothesis": 7}'])
-def test_a_job_of_another_make_names_no_frames(job):
+def test_frames_of_unreadable_job_are_empty(job):
     table = replace(several_table(), job=None) if job is None else with_job(several_table(), job)
     assert frames_of(table) == (PartFrames(None, {}), PartFrames(None, {}))

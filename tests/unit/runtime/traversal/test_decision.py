@@ -1,4 +1,4 @@
-"""What follows a squeeze: the table's branch, then the declared policy, each recovery once, always an end."""
+"""What follows a squeeze: the table's branch, then the policy, which applies each recovery once."""
 
 import itertools
 from random import Random
@@ -42,7 +42,9 @@ def walk(targets: list[int | None], policy: Policy) -> list[TraversalState]:
         ("restart", "restart", [None, 1, UNRESOLVED, ~0], [0, 1, 0], Outcome.LEAF, 0),
     ],
 )
-def test_policy_is_gone_through_once(on_reject, on_unresolved, targets, nodes, outcome, leaf):
+def test_advance_applies_each_recovery_once(
+    on_reject, on_unresolved, targets, nodes, outcome, leaf
+):
     traversals = walk(targets, Policy.of(on_reject, on_unresolved))
     assert [traversal.node for traversal in traversals[1:-1]] == nodes
     assert (traversals[-1].outcome, traversals[-1].leaf) == (outcome, leaf)
@@ -56,7 +58,7 @@ RECOVERIES += ["resqueeze,restart,next", "restart,resqueeze,stop"]
 
 @pytest.mark.parametrize("on_reject", RECOVERIES)
 @pytest.mark.parametrize("on_unresolved", ["next", "restart,next", "restart,stop"])
-def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(on_reject, on_unresolved):
+def test_advance_any_readings_end_within_limit_of_policy(on_reject, on_unresolved):
     table, random = random_table(0, 20), Random(0)
     policy = Policy.of(on_reject, on_unresolved)
     most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
@@ -71,7 +73,7 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(on_rejec
         assert (traversal.leaf is None) == (traversal.outcome is Outcome.REJECT)
 
 
-def test_a_policy_survives_being_written_down():
+def test_policy_fields_round_trip():
     for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
         policy = Policy.of(on_reject, on_unresolved)
         assert Policy.of(**policy.fields()) == policy
@@ -93,13 +95,13 @@ def test_a_policy_survives_being_written_down():
         ("next", "never", "--on-unresolved 'never'"),
     ],
 )
-def test_a_policy_that_makes_no_sense_is_refused(on_reject, on_unresolved, message):
+def test_policy_of_invalid_words_is_refused(on_reject, on_unresolved, message):
     with pytest.raises(UsageError, match=message):
         Policy.of(on_reject, on_unresolved)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_node_count_and_flag_means_what_the_map_says(seed):
+def test_decide_every_width_and_flag_follows_decision_map(seed):
     for node in random_table(seed, 20).nodes:
         outcomes = decision_map(node, GRIPPER)
         for width, flag in itertools.product(range(0, 86_000, 331), (CONTACT, ARRIVED)):
@@ -115,7 +117,7 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed):
                 decide(node, outcomes, 10_000, flag)
 
 
-def test_only_what_is_held_and_known_is_dragged():
+def test_release_point_of_thin_or_rejected_grip_is_none():
     node = TABLE.nodes[0]._replace(release=Place(3_000, 4_000))
     thin, just = (
         changed(node, {"branches.0.low_um": 0, "branches.0.expected_um": expected_um})
@@ -128,7 +130,7 @@ def test_only_what_is_held_and_known_is_dragged():
     assert TABLE.nodes[0].release_point(0) is None
 
 
-def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none():
-    """Targets are told apart by their sign: ~0 is -1. (No valid table leads back to its root.)"""
+def test_advance_target_zero_is_node_and_minus_one_is_leaf():
+    """The sign separates nodes from leaves: ~0 is -1. (No valid table leads back to its root.)"""
     assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
     assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)

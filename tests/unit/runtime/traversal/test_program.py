@@ -1,4 +1,4 @@
-"""The requests of a part: their order, what they carry, and that they end with the outcome."""
+"""The requests of a part: their order, their content, and the outcome that ends them."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def held(width_um: int) -> Reading:
 
 
 def kinds(requests: Requests, *readings: Reading) -> list[type]:
-    """The kinds of a part's requests, whose squeezes end so."""
+    """The kinds of a part's requests when its squeezes give these readings."""
     given, result, request = iter(readings), [], next(requests)
     reading = None
     while not isinstance(request, Done):
@@ -51,7 +51,7 @@ def test_part_two_squeezes_asks_for_each_in_order() -> None:
     assert kinds(program().part(1), held(30_000), held(21_000)) == [*once, *once, Done]
 
 
-def test_part_reject_or_drag_raises_the_force_before_it_is_decided() -> None:
+def test_part_reject_or_drag_tightens_before_decision() -> None:
     root = TABLE.nodes[0]._replace(release=Place(3_000, 4_000))
     dragged = replace(TABLE, nodes=(root, *TABLE.nodes[1:]))
     tightened = [Approach, Tighten, Release, Done]
@@ -79,7 +79,7 @@ def test_part_resqueeze_is_approached_again_without_pushes() -> None:
     assert (second.index, second.number) == (0, 2)
 
 
-def test_part_begun_elsewhere_goes_on_as_the_whole_part() -> None:
+def test_part_resumed_ends_as_uninterrupted_part() -> None:
     whole = program().part(1)
     release = released(whole, next(whole), held(30_000))
     resumed = program().part(1, release.after, release.steps)
@@ -92,7 +92,7 @@ def test_part_begun_elsewhere_goes_on_as_the_whole_part() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_part_any_branch_leads_where_the_table_says(seed: int) -> None:
+def test_part_any_branch_leads_to_target_of_table(seed: int) -> None:
     table = random_table(seed, 20)
     for index, node in enumerate(table.nodes):
         for low_um, _, number in decision_map(node, table.gripper).felt.intervals():

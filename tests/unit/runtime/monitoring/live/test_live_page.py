@@ -1,4 +1,4 @@
-"""The live page: its address, its answers, and that it holds the table it was made from."""
+"""The live page: parsing of its address, answers to requests, and the table that the page holds."""
 
 import json
 import re
@@ -33,7 +33,7 @@ def output(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, byt
         ("[::1]:8080", Address("::1", 8080)),
     ],
 )
-def test_an_address_is_a_port_or_a_host_and_a_port(text, address):
+def test_parse_port_or_host_and_port_gives_address(text, address):
     assert server.parse(text) == server.parse(str(address)) == address
 
 
@@ -41,12 +41,12 @@ BAD = ["", "x", "-1", "65536", "9" * 5000, "80.5", ":80", "::1:80", "[1]:80", "a
 
 
 @pytest.mark.parametrize("text", [*BAD, "\u0668\u0660"])
-def test_what_is_no_address_is_refused_in_one_line(text):
+def test_parse_invalid_address_is_refused(text):
     with pytest.raises(UsageError, match="write PORT or HOST:PORT"):
         server.parse(text)
 
 
-def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it():
+def test_answer_get_has_length_and_forbids_caching_and_framing():
     asked = "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n"
     code, head, body = output(LOCAL, asked)
     assert (code, body) == (200, b"{}\n")
@@ -56,7 +56,7 @@ def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it():
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "CONNECT"])
-def test_nothing_can_be_changed(method):
+def test_answer_modifying_method_is_405(method):
     code, head, _ = output(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
     assert code == 405
     assert "Allow: GET, HEAD" in head
@@ -65,7 +65,7 @@ def test_nothing_can_be_changed(method):
 @pytest.mark.parametrize(
     "line", ["", "GET", "GET /", "get / HTTP/1.1", "GET x HTTP/1.1", "GET / HTTP/2", "\x00\xff"]
 )
-def test_what_is_no_question_is_answered_so(line):
+def test_answer_malformed_request_is_400(line):
     assert output(OPEN, f"{line}\r\n\r\n")[0] == 400
 
 
@@ -85,12 +85,12 @@ def test_what_is_no_question_is_answered_so(line):
         ("Host : evil.example\r\n", 403),
     ],
 )
-def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields, code):
+def test_answer_local_page_with_foreign_host_is_403(fields, code):
     assert output(LOCAL, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == code
     assert output(OPEN, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == 200
 
 
-def test_the_page_holds_the_table_and_asks_nobody_but_its_server():
+def test_page_holds_table_and_loads_nothing_external():
     table = every_field_table()
     text = page.page(table, "small.msgpack")
     read = Page(text)
@@ -112,7 +112,7 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server():
     assert "connect-src 'self'" in text
 
 
-def test_page_of_several_parts_has_their_names_and_outlines():
+def test_page_of_several_parts_has_names_and_outlines():
     table = every_field_table()
     outlines = [[[0, 0], [10 + k, 0], [0, 5.5]] for k, _ in enumerate(table.hypotheses)]
     listed = [{"part": {"name": f"<{k}>", "outline_mm": o}} for k, o in enumerate(outlines)]
@@ -124,7 +124,7 @@ def test_page_of_several_parts_has_their_names_and_outlines():
     assert f"<h1>{' or '.join(f'&lt;{k}&gt;' for k, _ in enumerate(outlines))}" in text
 
 
-def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out():
+def test_page_part_is_drawn_and_html_in_its_name_escaped():
     evil = '</script><img src=x onerror="alert(1)">$name'
     job = json.dumps({"part": {"name": evil, "outline_mm": [[0, 0], [10, 0], [0, 5.5]]}})
     read = Page(page.page(with_job(small_table(), job), evil))
@@ -134,6 +134,6 @@ def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out():
 
 
 @pytest.mark.parametrize("job", [None, "{}", '{"part": 3}', '{"part": {"outline_mm": [[1]]}}'])
-def test_a_job_of_another_make_is_a_page_without_its_part(job):
+def test_page_of_unreadable_job_has_no_outline(job):
     table = small_table() if job is None else with_job(small_table(), job)
     assert json.loads(Page(page.page(table, "t")).scripts["data"])["outlines"] == []

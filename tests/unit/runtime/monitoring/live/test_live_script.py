@@ -1,4 +1,4 @@
-"""The live page's script in Chromium: the tree is drawn from the table, and a lost cell is told."""
+"""The live page's script in Chromium: it draws the tree of the table and reports a cell that is silent."""
 
 import re
 
@@ -11,7 +11,7 @@ from runtime.monitoring.live import page
 pytestmark = [NEEDED, pytest.mark.slow]
 
 
-def test_the_tree_has_each_node_and_leaf_and_the_page_says_that_nobody_answers(tmp_path):
+def test_script_draws_every_node_and_leaf_and_reports_silent_cell(tmp_path):
     after = page_after(page.page(small_table(), '<b>"ä".msgpack'), tmp_path)
     panels = re.findall(r'class="panel (\w+)[^"]*" id="([\w-]+)"', after)
     kinds = {name: kind for kind, name in panels}
@@ -23,7 +23,7 @@ def test_the_tree_has_each_node_and_leaf_and_the_page_says_that_nobody_answers(t
     assert "&lt;b&gt;" in after
 
 
-def test_arrow_keys_in_the_tree_lead_to_its_branches_and_end_following(tmp_path):
+def test_script_arrow_keys_move_along_branches_and_stop_following(tmp_path):
     script = """
   byId("tree").open = true;
   byId("node-0").click();
@@ -45,6 +45,6 @@ def test_arrow_keys_in_the_tree_lead_to_its_branches_and_end_following(tmp_path)
 
 
 @pytest.mark.parametrize("width", [1400, 390])
-def test_tree_is_legible_and_no_wider_than_the_screen(tmp_path, width):
+def test_page_is_legible_and_no_wider_than_screen(tmp_path, width):
     seen = played(page.page(small_table(), "small.msgpack"), LEGIBLE, tmp_path, width)
     assert seen == {"small": [], "over": 0}

@@ -1,4 +1,4 @@
-"""The server of the live page over real sockets: whatever its clients do, it answers the next, and ends."""
+"""The live page's server over real sockets: no client keeps it from answering the next or from closing."""
 
 import contextlib
 import json
@@ -10,12 +10,10 @@ import urllib.request
 import pytest
 from programs import until
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.monitoring.live import page, server
 from runtime.monitoring.live.server import MOST_CLIENTS, Address, PageServer
-from runtime.monitoring.shift import CHANGES, Shift
-from runtime.monitoring.status import Status
-from runtime.table import TableFile
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000
@@ -24,9 +22,8 @@ WAIT_S = 20
 
 @pytest.fixture
 def serving():
-    loaded = TableFile(small_table(), b"", "ab" * 32)
-    status = Status("small.msgpack", loaded, Shift(CHANGES, None))
-    result = page.pages(loaded.table, "small.msgpack", status)
+    table = small_table()
+    result = page.pages(table, "small.msgpack", status_of(table, "small.msgpack"))
     with PageServer(FREE, {**result, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
 
@@ -40,7 +37,7 @@ def fetched(running: PageServer, path: str) -> bytes:
         return bytes(answer.read())
 
 
-def test_a_client_of_the_library_reads_every_page(serving):
+def test_page_server_serves_every_page(serving):
     assert json.loads(fetched(serving, "/status.json"))["table"] == "small.msgpack"
     assert fetched(serving, "/metrics").startswith(b"# HELP squeezetree_")
     assert b"<title>" in fetched(serving, "/")
@@ -52,7 +49,7 @@ def test_a_client_of_the_library_reads_every_page(serving):
 @pytest.mark.parametrize(
     "words", [b"\xff" * 9000, b"A" * 100_000, b"GET / HTTP/1.1\r\n", b"\r\n\r\n", b""]
 )
-def test_clients_that_misbehave_do_not_end_it(serving, words):
+def test_page_server_misbehaving_client_does_not_stop_it(serving, words):
     with connected(serving) as client, contextlib.suppress(OSError):
         client.sendall(words)
         client.shutdown(socket.SHUT_WR)
@@ -61,7 +58,7 @@ def test_clients_that_misbehave_do_not_end_it(serving, words):
     assert fetched(serving, "/status.json")
 
 
-def test_who_says_or_takes_nothing_is_sent_away(monkeypatch, serving):
+def test_page_server_silent_or_deaf_client_is_disconnected(monkeypatch, serving):
     monkeypatch.setattr(server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps
@@ -70,7 +67,7 @@ def test_who_says_or_takes_nothing_is_sent_away(monkeypatch, serving):
     assert fetched(serving, "/status.json")
 
 
-def test_one_client_too_many_ends_the_oldest(serving):
+def test_page_server_too_many_clients_disconnects_oldest(serving):
     with contextlib.ExitStack() as stack:
         idle = [stack.enter_context(connected(serving)) for _ in range(MOST_CLIENTS)]
         assert fetched(serving, "/status.json")
@@ -79,7 +76,7 @@ def test_one_client_too_many_ends_the_oldest(serving):
         assert idle[-1].recv(20).startswith(b"HTTP/1.0 200")
 
 
-def test_its_end_ends_all_connections_and_frees_the_port():
+def test_page_server_close_ends_connections_and_frees_port():
     running = PageServer(FREE, {})
     with connected(running) as client:
         assert until(lambda: running._clients)

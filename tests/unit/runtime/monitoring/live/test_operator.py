@@ -1,4 +1,4 @@
-"""The operator's screen: what it says of a run, that names are text, and that an end tells how it came."""
+"""The operator's screen: its words for a run, names shown as text, and how a run ended."""
 
 from dataclasses import replace
 
@@ -7,14 +7,13 @@ from browser import LEGIBLE, NEEDED, played
 from fake_cell import Deaf
 from html_pages import Page
 from sample_tables import small_table
+from statuses import status_of
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.live import operator, page
 from runtime.monitoring.monitor import Monitor, Views, ended
-from runtime.monitoring.shift import CHANGES, Shift
-from runtime.monitoring.status import Status
 from runtime.pages import frame
-from runtime.table import TableFile, dump, load
+from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = small_table()
@@ -24,7 +23,7 @@ EVIL = '<img src=x onerror="alert(1)">Prüfling\'s "Ä" & more'
 
 
 def status():
-    return Status(EVIL, TableFile(TABLE, b"", "ab" * 32), Shift(CHANGES, 6.0))
+    return status_of(TABLE, EVIL, 6.0)
 
 
 def shown(status):
@@ -39,14 +38,14 @@ def part(number=1, outcome=Outcome.LEAF, steps=(STEP,), reason=None, **fields):
 
 
 @pytest.mark.parametrize("phase", Phase)
-def test_every_phase_has_words(phase):
+def test_operator_screen_has_words_for_every_phase(phase):
     seen = status()
     seen.phase(3, phase, None)
     assert operator.PHASES[phase.value] in shown(seen)
 
 
 @pytest.mark.parametrize("outcome", [outcome for outcome in Outcome if outcome is not Outcome.LEAF])
-def test_a_lost_part_is_named_with_a_picture(outcome):
+def test_operator_screen_lost_part_is_named_and_drawn(outcome):
     seen = status()
     seen.part(part())
     for steps in ([], [STEP]):
@@ -58,7 +57,7 @@ def test_a_lost_part_is_named_with_a_picture(outcome):
     assert "1 of 3 parts" in text
 
 
-def test_names_and_reasons_are_text():
+def test_operator_screen_names_and_reasons_are_escaped():
     seen = status()
     seen.part(part(1, Outcome.REJECT, [STEP], EVIL))
     text = shown(seen)
@@ -66,7 +65,7 @@ def test_names_and_reasons_are_text():
     assert "&lt;img src=x onerror=&quot;alert(1)&quot;&gt;Prüfling" in text
 
 
-def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
+def test_ended_normal_run_is_good_and_fault_states_cause():
     tally = Tally()
     tally.add(part(), None)
     assert ended(tally) == ("good", "Ended as planned. 1 part, 1 located.")
@@ -87,7 +86,7 @@ BROKEN += [(OSError("disk <full>"), "Ended by an error: disk &lt;full&gt;")]
 
 
 @pytest.mark.parametrize(("error", "sentence"), BROKEN)
-def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
+def test_monitor_of_broken_off_run_shows_reason(tmp_path, error, sentence):
     dump(TABLE, tmp_path / "t")
     monitor = Monitor(Deaf(), load(tmp_path / "t"), tmp_path / "t", Views())
     with pytest.raises(type(error)), monitor:
@@ -97,7 +96,7 @@ def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
 
 @NEEDED
 @pytest.mark.slow
-def test_the_screen_is_legible_and_no_wider_than_a_telephone(tmp_path):
+def test_operator_screen_is_legible_and_fits_telephone(tmp_path):
     seen = status()
     for number in range(1, 60):
         seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))

@@ -1,4 +1,4 @@
-"""The sequential verdict: the planner's bound as its twin, its error at any look, the parts it takes."""
+"""The sequential verdict: bounds equal the planner's, its error at every look, the parts it needs."""
 
 from itertools import pairwise
 
@@ -8,7 +8,6 @@ from acceptance_cells import FAILED, GOOD, UNSEEN, Tried, tried
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
-from scipy.special import betaln
 
 from planner.evaluation import ppm
 from runtime.spc.charts import binomial_at_most
@@ -28,7 +27,7 @@ WRONG, REJECT = FAILED[:2]
 
 @settings(max_examples=40)
 @given(st.integers(1, 5000), st.floats(0.0, 1.0), st.sampled_from([0.5, 0.05, 0.01, 5e-5]))
-def test_bounds_are_the_planners_for_the_same_prior(parts, share, limit):
+def test_sequential_test_bounds_with_same_prior_equal_planner(parts, share, limit):
     failures = int(share * parts)
     ours = SequentialTest(limit).bounds(failures, failures, parts)
     with pytest.MonkeyPatch.context() as patched:
@@ -39,7 +38,7 @@ def test_bounds_are_the_planners_for_the_same_prior(parts, share, limit):
 
 
 @given(st.integers(0, 300), st.integers(0, 300), st.floats(0.001, 0.5))
-def test_verdict_and_bounds_agree(failures, good, limit):
+def test_sequential_test_verdict_agrees_with_bounds(failures, good, limit):
     test, parts = SequentialTest(limit), failures + good
     bounds = test.bounds(failures, failures, parts)
     assert bounds.low <= bounds.share <= bounds.high or parts == 0
@@ -49,17 +48,16 @@ def test_verdict_and_bounds_agree(failures, good, limit):
         assert bounds.low >= limit * (1 - 1e-9)
 
 
-def test_evidence_is_a_mixture_of_likelihood_ratios():
-    # At the true share its mean over all outcomes of n parts is 1: what Ville's inequality asks for.
+def test_sequential_test_evidence_at_true_share_has_mean_one():
+    # Ville's inequality needs a mean of 1 over all outcomes of n parts.
     test, parts, share = SequentialTest(0.05), 40, 0.05
     weights = stats.binom.pmf(np.arange(parts + 1), parts, share)
     ratios = np.exp([test.evidence(k, parts, share) for k in range(parts + 1)])
     assert weights @ ratios == pytest.approx(1.0, rel=1e-9)
-    assert np.isfinite(betaln(0.5, 9.5))
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.02, 0.09])
-def test_verdict_is_wrong_seldom_though_looked_at_after_each_part(rate):
+def test_followed_first_verdict_is_rarely_wrong(rate):
     # A sample of tests/bench/bench_acceptance.py; at the limit itself either verdict counts as wrong.
     results = [tried(np.random.default_rng([seed, 7]), rate, 0.05, 600) for seed in range(60)]
     most = stats.binom.ppf(0.999, len(results), ERROR)
@@ -68,7 +66,7 @@ def test_verdict_is_wrong_seldom_though_looked_at_after_each_part(rate):
         assert sum(cell is Tried.RIGHT for cell in results) > 20
 
 
-def test_what_is_not_known_counts_against_either_verdict():
+def test_followed_unknown_parts_count_against_either_verdict():
     accepted = list(followed([GOOD] * 2000, 0.01))[-1]
     assert accepted.verdict is Verdict.ACCEPTED
     hidden = list(followed([GOOD, UNSEEN] * 1000, 0.01))[-1]
@@ -79,13 +77,13 @@ def test_what_is_not_known_counts_against_either_verdict():
     assert refused.verdict is Verdict.REFUSED
 
 
-def test_a_reject_is_a_failure_and_a_stopped_part_is_left_out():
+def test_followed_reject_is_failure_and_stopped_part_ignored():
     fault, stopped = Part(3, outcome="fault"), Part(4, outcome="stopped")
     (*_, last) = followed([GOOD, REJECT, fault, stopped, WRONG], 0.01)
     assert (last.parts, last.failed, last.unknown) == (4, 3, 0)
 
 
-def test_a_verdict_once_there_stays():
+def test_followed_verdict_once_reached_stays():
     course = list(followed([GOOD] * 2000 + [WRONG] * 500, 0.01))
     decided = [now.decided_at for now in course if now.decided_at]
     assert course[-1].verdict is Verdict.ACCEPTED
@@ -93,7 +91,7 @@ def test_a_verdict_once_there_stays():
     assert all(after.parts == before.parts + 1 for before, after in pairwise(course))
 
 
-def test_planned_parts_are_the_fewest_that_do():
+def test_planned_parts_are_fewest_that_suffice():
     test, count = SequentialTest(0.01), planned(0.01, 0.002)
     assert test.accepts(0, count.least)
     assert not test.accepts(0, count.least - 1)
@@ -107,16 +105,16 @@ def test_planned_parts_are_the_fewest_that_do():
 
 
 @pytest.mark.parametrize("expected", [None, 0.01, 0.5])
-def test_planned_says_so_where_no_number_would_do(expected):
+def test_planned_unknown_or_too_high_failure_share_gives_none(expected):
     assert planned(0.01, expected).likely is None
 
 
 @given(st.integers(0, 60), st.integers(1, 60), st.floats(0.0, 1.0))
-def test_binomial_at_most_is_scipys(most, trials, share):
+def test_binomial_at_most_equals_scipy(most, trials, share):
     theirs = stats.binom.cdf(most, trials, share)
     assert binomial_at_most(most, trials, share) == pytest.approx(theirs, abs=1e-9)
 
 
-def test_parts_for_gives_the_readings_with_its_probability():
+def test_parts_for_is_fewest_with_required_probability():
     count = parts_for(25, 0.1)
     assert stats.binom.sf(24, count, 0.1) >= 0.95 > stats.binom.sf(24, count - 1, 0.1)

@@ -1,4 +1,4 @@
-"""Gauge studies: AIAG's published examples to their digits, and conditions that make any study right."""
+"""Gauge studies: AIAG's published examples to their digits, and properties of any study."""
 
 from math import sqrt
 from statistics import stdev
@@ -23,7 +23,7 @@ RANGES = ("ranges", (0.20188, 0.22963, 0.30575, 1.10456), (17.62, 20.04, 26.68, 
     ("method", "sigmas", "percents", "total", "categories", "digits"),
     [(*ANOVA, 1.0853, 4.861, (5e-6, 0.005)), (*RANGES, 1.14610, 5.094, (5e-5, 0.01))],
 )
-def test_crossed_is_aiags_example(method, sigmas, percents, total, categories, digits):
+def test_crossed_equals_aiag_example(method, sigmas, percents, total, categories, digits):
     spread = getattr(crossed(AIAG), method)
     ours = [getattr(spread, name) for name in PARTS]
     assert ours == pytest.approx(sigmas, abs=digits[0])
@@ -33,7 +33,7 @@ def test_crossed_is_aiags_example(method, sigmas, percents, total, categories, d
     assert crossed(AIAG).interaction_p == pytest.approx(0.974, abs=1e-3)
 
 
-def test_type_one_bias_is_aiags_example_to_four_digits():
+def test_type_one_bias_equals_aiag_example():
     # Chapter III-B, independent sample method: fifteen readings of a reference of 6.00.
     study = type_one([reading - 6.0 for reading in AIAG_BIAS], 1.0)
     assert study.bias == pytest.approx(0.0067, abs=5e-5)
@@ -43,18 +43,18 @@ def test_type_one_bias_is_aiags_example_to_four_digits():
 
 
 @given(st.floats(0.5, 30.0), st.floats(0.5, 30.0), st.floats(0.0, 1.0))
-def test_beta_share_is_scipys(a, b, x):
+def test_beta_share_equals_scipy(a, b, x):
     assert beta_share(x, a, b) == pytest.approx(special.betainc(a, b, x), rel=1e-9, abs=1e-13)
 
 
 @given(st.floats(0.0, 50.0), st.integers(1, 60), st.integers(1, 120))
-def test_tails_are_scipys(statistic, above, below):
+def test_f_tail_and_t_tail_equal_scipy(statistic, above, below):
     ours = [f_tail(statistic, above, below), t_tail(statistic, below)]
     theirs = [stats.f.sf(statistic, above, below), 2 * stats.t.sf(statistic, below)]
     assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-12)
 
 
-def test_crossed_is_unbiased_in_what_it_was_drawn_from():
+def test_crossed_variance_estimates_are_unbiased():
     rng = np.random.default_rng(4)
     drawn = {"repeatability": 0.3, "reproducibility": 0.5, "part": 2.0}
     squares = []
@@ -81,7 +81,7 @@ PAIR = [1.0, 2.0]
     "readings",
     [[], [[PAIR] * 2], [[PAIR], [PAIR]], [[[1.0]] * 2] * 2, [[PAIR, [1.0]]] * 2],
 )
-def test_crossed_refuses_what_is_no_balanced_study(readings):
+def test_crossed_unbalanced_study_is_refused(readings):
     with pytest.raises(ValueError, match="crossed study"):
         crossed(readings)
 
@@ -90,13 +90,13 @@ SCATTERED = st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60)
 
 
 @given(SCATTERED.filter(lambda values: stdev(values) > 1e-3))
-def test_type_one_never_has_cgk_above_cg(deviations):
+def test_type_one_cgk_is_at_most_cg(deviations):
     study = type_one(deviations, 4.0)
     assert study.cgk <= study.cg
     assert study.capable == (study.cgk >= 1.33)
 
 
-def test_type_one_says_nothing_of_too_few_or_only_equal_readings():
+def test_type_one_too_few_or_equal_readings_give_none():
     assert type_one([0.1, 0.2] * 12, 1.0).capable is None
     assert type_one([0.1] * 25, 1.0).capable is None
     assert type_one([0.1], 1.0).sigma is None

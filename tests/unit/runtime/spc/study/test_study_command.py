@@ -37,7 +37,7 @@ def healthy():
     return drawn(TABLE, 700, np.random.default_rng(1))
 
 
-def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_path, capsys):
+def test_study_healthy_cell_is_accepted_and_sheet_written(healthy, tmp_path, capsys):
     journal, sheet = write(tmp_path / "j.jsonl", healthy), tmp_path / "sheet.html"
     assert main(journal, "-o", sheet, "--json") == 0
     result = output(capsys)
@@ -67,7 +67,7 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     assert "http" not in text.replace("http-equiv", "")
 
 
-def test_study_of_a_cell_that_hardly_scatters_has_no_senseless_digits(healthy, tmp_path, capsys):
+def test_study_tiny_scatter_prints_cg_over_100(healthy, tmp_path, capsys):
     still = [
         replace(part, residual=(1e-9 * number, 0.0, 0.0)) if part.residual else part
         for number, part in enumerate(healthy)
@@ -79,7 +79,9 @@ def test_study_of_a_cell_that_hardly_scatters_has_no_senseless_digits(healthy, t
 
 
 @pytest.mark.parametrize(("rate", "count", "code"), [(0.2, 200, 11), (0.01, 60, 12)])
-def test_study_refuses_a_bad_cell_and_asks_for_more_parts(tmp_path, capsys, rate, count, code):
+def test_study_bad_cell_is_refused_and_few_parts_stay_undecided(
+    tmp_path, capsys, rate, count, code
+):
     parts = drawn(TABLE, count, np.random.default_rng(2), fail_rate=rate)
     assert main(write(tmp_path / "j.jsonl", parts)) == code
     said = capsys.readouterr().out.splitlines()[0]
@@ -87,7 +89,7 @@ def test_study_refuses_a_bad_cell_and_asks_for_more_parts(tmp_path, capsys, rate
 
 
 def with_truth(path, parts, off_mm):
-    """A journal without audits whose simulated parts lay off their leaves' poses."""
+    """A journal without audits; its simulated parts lie `off_mm` from their leaves' poses."""
     with Chain(path) as journal:
         journal.header(TABLE)
         for part in parts:
@@ -103,7 +105,7 @@ def with_truth(path, parts, off_mm):
     return path
 
 
-def test_study_by_truth_is_of_a_simulated_cell(healthy, tmp_path, capsys):
+def test_study_truth_judges_unaudited_simulated_parts(healthy, tmp_path, capsys):
     journal = with_truth(tmp_path / "j.jsonl", healthy, 0.5)
     assert main(journal) == 2
     assert "--audit" in one_line(capsys)
@@ -115,7 +117,7 @@ def test_study_by_truth_is_of_a_simulated_cell(healthy, tmp_path, capsys):
 
 
 def crossed_journals(folder, audited=True):
-    """Three cells that squeeze the same ten parts three times each, which scatters by 0.3 mm."""
+    """Journals of three cells that squeeze the same ten parts three times each; widths scatter by 0.3 mm."""
     rng = np.random.default_rng(3)
     widths = rng.uniform(29_000, 32_000, 10)
     paths = []
@@ -130,7 +132,7 @@ def crossed_journals(folder, audited=True):
     return paths
 
 
-def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
+def test_study_crossed_takes_journals_as_appraisers(tmp_path, capsys):
     paths = crossed_journals(tmp_path)
     assert main(*paths, "--crossed", 10, "-o", tmp_path / "s.html", "--json") == 12
     result = output(capsys)["crossed"]
@@ -145,11 +147,18 @@ def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
     assert output(capsys)["crossed"]["width_mm"] == width
     assert main(*bare, "--crossed", 10, "-o", tmp_path / "t.html") == 2
     assert "no audited part" in one_line(capsys)
-    for words in (["--crossed", 7], ["--crossed", 30], ["--crossed", 1]):
-        assert main(*paths, *words) == 2
-        assert f"--crossed {words[1]}" in one_line(capsys)
-    assert main(paths[0], "--crossed", 10) == 2
-    assert "at least two of each" in one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("cells", "parts", "says"),
+    [
+        *((3, parts, f"--crossed {parts}") for parts in (7, 30, 1)),
+        (1, 10, "at least two of each"),
+    ],
+)
+def test_study_crossed_unbalanced_journals_are_refused(tmp_path, capsys, cells, parts, says):
+    assert main(*crossed_journals(tmp_path)[:cells], "--crossed", parts) == 2
+    assert says in one_line(capsys)
 
 
 def measured(path, change=lambda rows: rows):
@@ -160,7 +169,7 @@ def measured(path, change=lambda rows: rows):
     return path
 
 
-def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
+def test_study_measurements_equal_aiag_example(tmp_path, capsys):
     assert main("--measurements", measured(tmp_path / "m.csv"), "--json") == 0
     result = output(capsys)["crossed"]["value"]
     assert result["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
@@ -187,12 +196,12 @@ def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
         (lambda rows: [["P0", "A", 1.0], ["P0", "A", 2.0]], "at least two of each"),
     ],
 )
-def test_measurements_that_are_no_study_end_in_one_line(tmp_path, capsys, change, says):
+def test_study_invalid_measurements_print_one_line(tmp_path, capsys, change, says):
     assert main("--measurements", measured(tmp_path / "m.csv", change)) == 3
     assert says in one_line(capsys)
 
 
-def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
+def test_study_plan_prints_parts_needed_or_that_none_suffices(tmp_path, capsys):
     assert main("--plan", TREE, "--json") == 0
     result = output(capsys)
     assert 0 < result["parts_least"] <= result["parts_likely"] < 2000
@@ -223,7 +232,7 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
         (["{few}", "-o", "{few}"], 2, "the same file"),
     ],
 )
-def test_study_of_bad_input_ends_in_one_line(healthy, tmp_path, capsys, words, code, says):
+def test_study_bad_input_prints_one_line(healthy, tmp_path, capsys, words, code, says):
     bare = [replace(part, verdict=None, residual=None) for part in healthy[:40]]
     paths = {
         "few": write(tmp_path / "few.jsonl", [part for part in healthy[:20] if part.residual][:10]),
@@ -234,13 +243,13 @@ def test_study_of_bad_input_ends_in_one_line(healthy, tmp_path, capsys, words, c
     }
     paths["broken"].write_bytes(paths["broken"].read_bytes().replace(b'"pass"', b'"Pass"', 1))
     given = [word.format(**paths) for word in words]
-    with pytest.raises(SystemExit) as ended:  # as of argparse
+    with pytest.raises(SystemExit) as ended:  # as argparse does
         raise SystemExit(main(*given))
     assert ended.value.code == code
     assert says in one_line(capsys)
 
 
-def test_the_commands_of_the_page_do_what_it_says(healthy, tmp_path, monkeypatch, capsys):
+def test_acceptance_page_commands_print_documented_output(healthy, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "trees").symlink_to(ROOT / "trees")
     write(tmp_path / "run-off.jsonl", healthy)
