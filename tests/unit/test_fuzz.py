@@ -1,4 +1,4 @@
-"""The fuzzers themselves: a slice of what `tools/hostile` runs, repeatable, able to find what is wrong."""
+"""The fuzzers of `tools/hostile`: a repeatable slice of each passes, and planted errors are reported."""
 
 import os
 import subprocess
@@ -22,18 +22,18 @@ def run_tool(*arguments: str, **variables: str) -> subprocess.CompletedProcess[s
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
 
 
-def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table():
+def test_fuzz_tables_mutated_table_is_refused_or_legal():
     tally = fuzz_tables.run(1, range(1_000))
     assert tally.failures == []
     assert sum(tally.verdicts.values()) == 1_000
     for depth in ("file", "payload", "values"):
         assert tally.verdicts[f"{depth}: refused"] > 120
-    # The mutants get as far as the validation, and past it.
+    # Some mutants are refused only by the validation, others pass it.
     assert tally.verdicts["values: another table"] > 20
     assert tally.verdicts["file: another table"] == 0
 
 
-def test_a_reader_that_accepts_too_much_is_found(monkeypatch):
+def test_fuzz_tables_reader_that_accepts_everything_is_reported(monkeypatch):
     accepted = fuzz_tables.loads(fuzz_tables.seeds()[0])
     monkeypatch.setattr(fuzz_tables, "loads", lambda data: accepted)
     tally = fuzz_tables.run(1, range(20))
@@ -41,7 +41,7 @@ def test_a_reader_that_accepts_too_much_is_found(monkeypatch):
     assert tally.failures[0].startswith("--seed 1 --first ")
 
 
-def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch):
+def test_fuzz_tables_reader_that_hangs_is_reported(monkeypatch):
     def hang(data):
         while True:
             pass
@@ -52,41 +52,41 @@ def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch):
     assert "TimeoutError" in failure
 
 
-def test_a_master_that_believes_noise_is_found(monkeypatch):
+def test_fuzz_frames_master_that_accepts_noise_raises(monkeypatch):
     monkeypatch.setattr(fuzz_frames.ModbusLink, "read", lambda link: bytes(6))
     with pytest.raises(AssertionError, match="no sound frame"):
         fuzz_frames.case(fuzz_frames.CORPUS[3])
 
 
-def test_the_tool_fuzzes_frames_without_its_engine(tmp_path):
+def test_hostile_frames_without_atheris_finds_no_failure(tmp_path):
     (tmp_path / "atheris.py").write_text("raise ModuleNotFoundError('No module named atheris')\n")
     done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stdout
     assert "frames: 0 failures" in done.stdout
 
 
-def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must():
+def test_hostile_inputs_almost_valid_files_end_without_failure():
     failures: list[str] = []
     ends = hostile_inputs.run(7, range(1, 45), failures.append)
     assert failures == []
     assert len({end.partition(":")[0] for end in ends}) >= 8  # commands
 
 
-def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch):
-    def end(code, err=""):
-        seen = hostile_inputs.Ended(code, "", err)
-        monkeypatch.setattr(hostile_inputs, "_within", lambda result: seen)
+@pytest.mark.parametrize(
+    ("code", "err"),
+    [(1, "{name}: internal error\n"), (2, ""), (0, "Traceback")],
+    ids=["internal error", "no message", "traceback"],
+)
+def test_hostile_inputs_undocumented_end_raises(code, err, monkeypatch):
+    given = hostile_inputs.case(7, 1)
+    err = err.format(name=hostile_inputs.err_name(given.entry))
+    monkeypatch.setattr(hostile_inputs, "_within", lambda _: hostile_inputs.Ended(code, "", err))
+    with pytest.raises(AssertionError):
+        hostile_inputs.judge(given)
 
-    result = hostile_inputs.case(7, 1)
-    for code, err in (
-        (1, f"{hostile_inputs.err_name(result.entry)}: internal error\n"),
-        (2, ""),
-        (0, "Traceback"),
-    ):
-        end(code, err)
-        with pytest.raises(AssertionError):
-            hostile_inputs.judge(result)
-    monkeypatch.setattr(hostile_inputs, "judge", lambda result, as_process: time.sleep(60))
+
+def test_hostile_inputs_case_that_hangs_is_reported(monkeypatch):
+    monkeypatch.setattr(hostile_inputs, "judge", lambda given, as_process: time.sleep(60))
     lines: list[str] = []
     assert hostile_inputs.run(7, range(1, 3), lines.append, longest_s=0.1)["FAILED"] == 2
     assert "no end within" in lines[0]

@@ -1,4 +1,4 @@
-"""The bill of materials of a folder of wheels: valid CycloneDX that lists each wheel as it is."""
+"""The bill of materials of a folder of wheels: valid CycloneDX with the digest of each wheel."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ LINES = {
     "msgpack-1.1.2": ["License-Expression: Apache-2.0", "Summary: MessagePack"],
     "odd_name-2": ["License: BSD 3-Clause License", "Requires-Dist: not a requirement !"],
     "classified-3": ["Classifier: License :: OSI Approved :: MIT License"],
-    "own-4": ["License-Expression: Own Terms No 1"],
+    "custom-4": ["License-Expression: Custom Terms No 1"],
 }
 
 
@@ -32,7 +32,7 @@ def wheels(tmp_path):
     return tmp_path
 
 
-def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
+def test_sbom_of_wheels_is_valid_and_lists_each_with_its_digest(wheels):
     assert sbom.main(wheels) == 0
     text = (wheels / sbom.NAME).read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
@@ -40,7 +40,7 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
     assert record["metadata"]["component"]["name"] == "squeezetree"
     parts = [*record["components"], record["metadata"]["component"]]
     listed = {part["name"]: part for part in parts}
-    assert set(listed) == {"squeezetree", "msgpack", "odd-name", "classified", "own"}
+    assert set(listed) == {"squeezetree", "msgpack", "odd-name", "classified", "custom"}
     for path in wheels.glob("*.whl"):
         (digest,) = listed[path.name.partition("-")[0].replace("_", "-")]["hashes"]
         content = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -50,7 +50,7 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
     assert all(part.get("licenses") for name, part in listed.items() if name != "squeezetree")
 
 
-def test_what_is_no_wheel_or_not_ours_ends_in_one_line(wheels, capsys):
+def test_sbom_broken_or_missing_squeezetree_wheel_is_refused(wheels, capsys):
     ours = wheels / "squeezetree-0.1.0-py3-none-any.whl"
     ours.write_bytes(b"PK")
     assert sbom.main(wheels) == 1

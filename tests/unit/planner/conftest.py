@@ -1,4 +1,4 @@
-"""The rectangle's job and table, which most tests of the planner plan with, and a drawing of it."""
+"""Fixtures: the job and the table of the rectangle, a drawing of it, and a clock."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def table() -> Table:
 
 @pytest.fixture
 def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder's one file, a drawing without a unit."""
+    """The only file of the current folder: a drawing without a unit."""
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "plate.csv"
     path.write_text("0,0\n30,0\n30,21\n0,21\n")
@@ -30,7 +30,7 @@ def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 class Clock:
-    """Stands until a test moves it on."""
+    """A clock that stands still until a test sets `now`."""
 
     now = 0.0
 

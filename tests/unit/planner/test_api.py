@@ -1,4 +1,4 @@
-"""The table as arrays says what the runtime's own look-up says."""
+"""The Python interface: look-ups equal those of the runtime, and invalid numbers are refused."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def table():
     return Table.load(TABLE_PATH)
 
 
-def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(table):
+def test_lookup_any_node_and_reading_equals_decision_map(table):
     widths = np.array([width_um(count) for count in range(COUNTS)]) / 1e3
     for number, node in enumerate(table.record.nodes):
         result = table.lookup(np.full(COUNTS, number), widths)
@@ -37,22 +37,35 @@ def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(t
             assert (result.nodes[count], result.leaves[count]) == (leads, ends)
 
 
-def test_a_table_is_the_same_after_its_file(table, tmp_path):
+def test_table_saved_after_load_has_the_same_bytes_and_job(table, tmp_path):
     table.save(tmp_path / "again.msgpack")
     assert (tmp_path / "again.msgpack").read_bytes() == TABLE_PATH.read_bytes()
     assert table.job == Job.load(JOB_PATH)
 
 
-def test_an_evaluation_is_that_of_the_seed_on_any_number_of_workers(table):
-    one, two = (evaluate(table, trials=1500, seed=5, workers=workers) for workers in (1, 2))
-    assert np.array_equal(one.poses, two.poses)
-    assert not np.array_equal(one.poses, evaluate(table, trials=1500, seed=6).poses)
-    assert table.resolved[one.leaf[one.success]].all()
-    near = np.hypot(*(table.poses[one.leaf] - one.poses)[one.success, :2].T)
-    assert near.max() < 3.0
+@pytest.fixture(scope="module")
+def evaluation(table):
+    return evaluate(table, trials=1500, seed=5, workers=1)
 
 
-def test_a_table_without_its_job_says_so(table):
+def test_evaluate_same_seed_and_other_workers_is_identical(table, evaluation):
+    other = evaluate(table, trials=1500, seed=5, workers=2)
+    assert np.array_equal(other.poses, evaluation.poses)
+
+
+def test_evaluate_other_seed_differs(table, evaluation):
+    other = evaluate(table, trials=1500, seed=6)
+    assert not np.array_equal(other.poses, evaluation.poses)
+
+
+def test_evaluate_successes_lie_within_3_mm_of_resolved_leaves(table, evaluation):
+    leaf, success = evaluation.leaf, evaluation.success
+    assert table.resolved[leaf[success]].all()
+    off_mm = np.hypot(*(table.poses[leaf] - evaluation.poses)[success, :2].T)
+    assert off_mm.max() < 3.0
+
+
+def test_evaluate_table_without_job_raises(table):
     stripped = Table.of(replace(table.record, job=None))
     with pytest.raises(ExpectedError, match="carries no job"):
         evaluate(stripped, trials=10)
@@ -77,7 +90,7 @@ def model():
 
 
 @pytest.mark.parametrize(
-    ("nodes", "widths", "said"),
+    ("nodes", "widths", "message"),
     [
         ([-1], [0], "nodes holds -1; there are 0 to [0-9]+$"),
         ([10_000], [0], "nodes holds 10000"),
@@ -89,8 +102,8 @@ def model():
         (0, 0, "pass whole numbers"),
     ],
 )
-def test_a_lookup_takes_nodes_and_widths_that_there_are(table, nodes, widths, said):
-    with pytest.raises(ValueError, match=said):
+def test_lookup_invalid_node_or_width_raises(table, nodes, widths, message):
+    with pytest.raises(ValueError, match=message):
         table.lookup(np.array(nodes), np.array(widths))
 
 
@@ -105,8 +118,8 @@ POSES = [
 ]
 
 
-@pytest.mark.parametrize(("poses", "said"), POSES)
-def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
+@pytest.mark.parametrize(("poses", "message"), POSES)
+def test_api_invalid_poses_raise(world, model, poses, message):
     simulator = model.simulator
     size = np.shape(poses)[0]
     calls = [
@@ -134,7 +147,7 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
     for call in calls:
         with pytest.raises(ValueError, match=r"shape|holds|no array of numbers"):
             call()
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         calls[2]()
 
 
@@ -152,7 +165,7 @@ def rolled(model: Pomdp, parameters: Parameters) -> RollOut:
 
 
 def traits_with(**changes: float) -> Traits:
-    """The traits of three parts, one of them changed."""
+    """The traits of three parts with some values replaced."""
     traits = as_planned(3)
     for name, value in changes.items():
         traits[name] = value
@@ -193,6 +206,6 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: model.likelihood(100, np.zeros((2, 4)), np.zeros(3)),
     ],
 )
-def test_numbers_out_of_range_are_refused_in_a_sentence(world, model, wrong):
+def test_api_invalid_numbers_raise_with_one_line(world, model, wrong):
     with refused_in_a_line(ValueError, r"pass|there are"):
         wrong(world, model)

@@ -1,4 +1,4 @@
-"""The entry points of the planner's commands: what is wrong at a glance is said before anything is loaded."""
+"""Entry points of the commands: plain mistakes in the arguments are refused before anything is loaded."""
 
 import subprocess
 import sys
@@ -18,7 +18,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(name, tmp_path):
+def test_commands_missing_file_exits_before_numba_is_loaded(name, tmp_path):
     (tmp_path / "there.toml").touch()
     code = BLOCK.format(name) + LOADED
     done = subprocess.run(
@@ -38,7 +38,7 @@ def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(name, tmp
 
 @pytest.mark.parametrize("word", ["simm", "Sim", "siim", "manuel"])
 @pytest.mark.parametrize("arguments", [runtime_arguments, doctor_arguments])
-def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, capsys) -> None:
+def test_parser_misspelt_port_exits_and_suggests_the_right_one(word, arguments, capsys) -> None:
     with pytest.raises(SystemExit) as ended:
         arguments().parse_args(["--tree", "t.msgpack", "--port", word])
     assert ended.value.code == 2

@@ -1,4 +1,4 @@
-"""The environment keeps Gymnasium's rules, alone and in a batch, and is the same again with the same seed."""
+"""The Gymnasium environment keeps the interface's rules, alone and as a vector, and repeats with its seed."""
 
 import warnings
 
@@ -10,7 +10,7 @@ from rectangle import JOB_PATH
 
 import planner.gym
 
-OPEN = 0  # read of open jaws
+OPEN = 0  # reading of open jaws
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def drawn():
 
 
 def episode(env, seed, steps=5):
-    """What the first steps of a seed come to."""
+    """The first observation with a seed, and the results of random steps."""
     rng = np.random.default_rng(seed)
     seen = [env.reset(seed=seed)[0]]
     for _ in range(steps):
@@ -42,7 +42,7 @@ def episode(env, seed, steps=5):
     [{}, {"actions": "box", "job": str(JOB_PATH)}, {"render_mode": "rgb_array"}],
     ids=str,
 )
-def test_it_passes_the_checks_of_gymnasium(arguments):
+def test_squeeze_localize_passes_the_gymnasium_checker(arguments):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(planner.gym.NAME, **arguments).unwrapped)
@@ -59,14 +59,14 @@ def test_render_after_each_action_draws_another_picture(drawn):
     assert np.array_equal(frames[-1], drawn.render())
 
 
-def test_the_same_seed_is_the_same_episode(alone, many):
+def test_reset_same_seed_repeats_the_episode(alone, many):
     assert episode(alone, 4) == episode(alone, 4)
     assert episode(alone, 4) != episode(alone, 5)
     for first, second in zip(episode(many, 4), episode(many, 4), strict=True):
         assert np.array_equal(first, second)
 
 
-def test_a_batch_of_one_is_the_environment(alone):
+def test_squeeze_localize_vector_of_one_equals_the_single_one(alone):
     batch = gymnasium.make_vec(planner.gym.NAME, num_envs=1)
     alone.reset(seed=8)
     batch.reset(seed=8)
@@ -77,14 +77,14 @@ def test_a_batch_of_one_is_the_environment(alone):
     assert one[2]
 
 
-def test_a_squeeze_after_the_last_cuts_the_episode_off(alone):
+def test_step_beyond_max_depth_truncates_the_episode(alone):
     most = alone.unwrapped.model.job.search.max_depth
     alone.reset(seed=2)
     ends = [alone.step(0)[2:4] for _ in range(most + 1)]
     assert ends == [(False, False)] * most + [(False, True)]
 
 
-def test_an_episode_of_a_batch_begins_anew_at_the_step_after_its_end(many):
+def test_vector_step_after_an_end_begins_a_new_episode(many):
     many.reset(seed=3)
     actions = np.zeros(300, np.int64)
     actions[:100] = many.unwrapped.model.placements  # declares the first candidate
@@ -99,7 +99,7 @@ def test_an_episode_of_a_batch_begins_anew_at_the_step_after_its_end(many):
 
 
 @pytest.mark.parametrize("action", [-1, 68])
-def test_an_action_that_there_is_not_is_refused(alone, action):
+def test_step_unknown_action_raises(alone, action):
     alone.reset(seed=1)
     with pytest.raises(ValueError, match="there are 0 to 67"):
         alone.unwrapped.step(action)

@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: under a key of their content, or nowhere."""
+"""Where compiled kernels are cached: in the configured folder, or nowhere."""
 
 from pathlib import Path
 
@@ -12,10 +12,10 @@ def doubled(x: float) -> float:
 
 
 @pytest.mark.parametrize("folder", ["/dev/null/kernels", "/proc/none"])
-def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_warned_once(
+def test_kernel_without_writable_cache_is_not_cached_and_warns_once(
     folder: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Not beside the module either, where numba would take old ones after an upgrade."""
+    """It is not cached beside the module either, where numba would load stale code after an upgrade."""
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", folder)
     kernels._warn_once.cache_clear()
     makers = kernels.kernel, kernels.inner_kernel, kernels.inlined_kernel
@@ -29,7 +29,7 @@ def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_warned_once
     kernels._warn_once.cache_clear()
 
 
-def test_kernels_are_kept_under_the_key_of_their_content(tmp_path, monkeypatch, capsys):
+def test_kernel_with_writable_cache_is_cached_there_silently(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", str(tmp_path / "keyed"))
     result = kernels.kernel(doubled)
     assert Path(result.stats.cache_path).is_relative_to(tmp_path / "keyed")

@@ -1,4 +1,4 @@
-"""Trees become tables: nothing of shape, readings and poses is lost."""
+"""Lowering a tree to a table keeps the tree's shape, readings and poses."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ from runtime.table import PPM, REJECT, decide, decision_map, dumps, loads, predi
 
 
 def meaning(node, table, job, felt=True):
-    """The branch of each reading at a node."""
+    """The branch that a node takes at each reading."""
     decided, encoder = decision_map(node, table.gripper), encoder_of(job)
     widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
     return np.array([decide(decided, width, felt) for width in widths])
 
 
 @pytest.mark.parametrize("silent", [0, 2])
-def test_lower_every_reading_of_the_tree_leads_where_it_led_there(job, silent):
+def test_lower_reading_leads_to_the_same_child_as_in_the_tree(job, silent):
     root = grown(silent)
     table = loads(dumps(lower(root, job)))
     waiting, ends = [(root, 0)], set()
@@ -76,13 +76,13 @@ def test_interval_um_of_adjacent_readings_tiles_the_opening(job):
 
 
 @pytest.mark.parametrize("turns", [-2, 0, 1])
-def test_pose_of_whole_turns_says_the_same_pose(turns):
+def test_pose_of_pose_turned_by_full_turns_is_the_same(turns):
     pose = np.array([1.2344, -5.6786, 2.5])
     result = np.array(pose_of(pose + np.array([0.0, 0.0, 2.0 * np.pi * turns])))
     np.testing.assert_allclose(result / [1e3, 1e3, 1e6], pose, atol=0.5e-3)
 
 
-def test_covariance_of_parts_turned_under_their_symmetry_is_the_same(job):
+def test_covariance_of_belief_is_its_second_moment_up_to_symmetry(job):
     rng, (*_, end) = np.random.default_rng(3), lower(grown(), job).leaves
     off = rng.multivariate_normal([0.2, 0.0, 0.0], np.diag([1.0, 4.0, 0.01]) + 0.05, 500)
     belief = Belief.of(off + predicted_pose(end))

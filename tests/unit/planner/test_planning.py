@@ -68,11 +68,12 @@ def test_planned_budget_begins_the_passes_that_leave_time_for_repairs(scripted, 
         (0.5 * REPAIRABLE, 2.0, True, True, False),
         (0.5 * REPAIRABLE, 2.0, False, False, False),
     ],
+    ids=["better", "of higher value", "too many missing", "exploring", "no time for repairs"],
 )
 def test_better_unfinished_pass_needs_a_lower_value_and_time_for_repairs(
     missing, value, explores, repairs, better
 ):
-    """Otherwise its finished actions must locate more parts than the pass before, here none less."""
+    """Without both, its finished actions would have to locate more parts; here they locate no more."""
     new, root = SimpleNamespace(value=value), SimpleNamespace(value=3.0)
     search = SimpleNamespace(
         stage=PASSES[0]._replace(explores=explores),
@@ -82,7 +83,7 @@ def test_better_unfinished_pass_needs_a_lower_value_and_time_for_repairs(
     assert planning._better(search, new, root, repairs=repairs) is better
 
 
-def test_course_of_passes_and_rounds_rises_to_the_whole():
+def test_course_of_passes_and_rounds_never_falls_and_nears_one():
     said = []
     course = Course(lambda what, done, of: said.append(done / of))
     for number in range(len(PASSES)):

@@ -1,4 +1,4 @@
-"""The generative model: its readings, its ends and its filter against what the rest of the planner says."""
+"""The generative model: its readings, rewards and filter agree with the rest of the planner."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def declaring(poses):
     return np.column_stack([poses, np.full(len(poses), DECLARE)])
 
 
-def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
+def test_likelihood_equals_the_frequency_of_simulated_readings(model):
     encoder, n = model.encoder, 200_000
     for width in (0.0, 0.2, 21.0, 33.3, encoder.opening_mm):
         states = np.tile([0.0, 0.0, 0.0, width], (228, 1))
@@ -32,7 +32,7 @@ def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
         assert np.abs(read - said).max() < 5.0 * 0.5 / np.sqrt(n)
 
 
-def test_an_episode_ends_where_a_finger_comes_down_on_the_part(model):
+def test_sample_finger_above_the_part_ends_the_episode(model):
     rng = np.random.default_rng(2)
     states = model.initial(3000, rng) * [2.5, 2.5, 1.0, 1.0]
     placements = model.actions[rng.integers(model.placements, size=len(states))]
@@ -45,7 +45,7 @@ def test_an_episode_ends_where_a_finger_comes_down_on_the_part(model):
     assert (sampled.rewards == -1.0).all()
 
 
-def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
+def test_sample_declared_pose_is_rewarded_within_goal_and_symmetry(model):
     rng = np.random.default_rng(3)
     states = model.initial(500, rng)
     off = rng.normal(size=(500, 3)) * [2.0, 2.0, 0.2]
@@ -56,7 +56,7 @@ def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
     assert np.array_equal(sampled.states, states)
 
 
-def test_the_planned_table_solves_the_problem_as_well_as_it_says(model, table):
+def test_pomdp_planned_table_reaches_its_predicted_figures(model, table):
     program, rng, n = Program.of(table), np.random.default_rng(4), 3000
     states, node = model.initial(n, rng), np.zeros(n, np.int64)
     squeezes, right = 0, 0.0
@@ -75,7 +75,7 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model, table):
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
 
 
-def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
+def test_pomdp_unexplained_reading_or_invalid_state_raises(model):
     rng = np.random.default_rng(7)
     with pytest.raises(ValueError, match="none of 50 states explains the reading 17"):
         model.updated(model.initial(50, rng), model.actions[0], 17, rng)
@@ -85,7 +85,7 @@ def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
         model.sample(np.full((2, 4), np.nan), model.actions[0], rng)
 
 
-def test_a_belief_is_right_as_often_as_it_says(model):
+def test_updated_belief_mode_is_right_as_often_as_its_ratio(model):
     rng = np.random.default_rng(5)
     said, right = [], []
     for _ in range(40):

@@ -1,4 +1,4 @@
-"""The objects of a planning problem, which fit one another."""
+"""The objects of a planning problem, and how they fit together."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def test_problem_closing_steps_end_where_much_smaller_ones_do(problem, job, whic
     assert np.abs(coarse.poses - poses).max() > 5.0
 
 
-def test_problem_belief_is_of_its_job_and_located_as_its_goal_asks(problem, job):
+def test_problem_belief_is_drawn_evenly_and_located_once_narrow(problem, job):
     belief = problem.belief(500, np.random.default_rng(2))
     np.testing.assert_array_equal(belief.poses, evenly(job, 500, np.random.default_rng(2)))
     assert not problem.stopping.reached(problem.metric.mode(belief.states).ratio)

@@ -1,4 +1,4 @@
-"""Costs of actions: seconds as the table's schedule has them, and squeezes alike."""
+"""Costs of actions: in seconds they equal those of the table's schedule."""
 
 import math
 
@@ -24,7 +24,7 @@ def placement_of(node):
     return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
 
 
-def test_costs_of_two_squeezes_are_the_schedules_seconds(costs, table):
+def test_costs_of_two_squeezes_equal_the_schedule(costs, table):
     schedule = tables.Schedule.of(table, tables.job_of(table))
     root, timing, timed = table.nodes[0], schedule.timing, 0
     for number, branch in enumerate(root.branches):
@@ -48,7 +48,7 @@ def test_costs_of_two_squeezes_are_the_schedules_seconds(costs, table):
     assert timed > 3
 
 
-def test_short_way_is_a_quarter_turn_at_most_to_the_same_squeezes_of_fingers_that_move_alike(costs):
+def test_short_way_turns_at_most_a_quarter_to_an_equal_squeeze(costs):
     hand = Hand(np.array([3.0, -2.0, 2.9]), 25.0)
     placements = np.random.default_rng(0).uniform(-7.0, 7.0, (50, 3))
     nearest = costs.short_way(hand, placements)
@@ -61,7 +61,7 @@ def test_short_way_is_a_quarter_turn_at_most_to_the_same_squeezes_of_fingers_tha
 @pytest.mark.parametrize(
     ("halfwidth_deg", "turn"), [(180.0, 0.0), (90.0, 1.2)], ids=["turned", "as planned"]
 )
-def test_back_of_turned_plans_is_the_way_without_the_turn(job, halfwidth_deg, turn):
+def test_back_turned_plan_costs_no_turn(job, halfwidth_deg, turn):
     costs = Costs(job.replaced(uncertainty={"orientation_halfwidth_deg": halfwidth_deg}))
     hand, home = Hand(np.array([4.0, -3.0, 1.2]), 25.0), np.zeros(3)
     assert costs.back(hand, home) * costs.typical_s == pytest.approx(costs.timing.move_s(5.0, turn))

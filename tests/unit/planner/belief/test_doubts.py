@@ -1,4 +1,4 @@
-"""What a job doubts becomes traits that particles keep."""
+"""Latent parameters that a job states become traits, which particles keep."""
 
 import numpy as np
 import pytest
@@ -38,8 +38,8 @@ def squeezed(job, belief, rng, placement=(1.0, -2.0, 0.3)):
     return model.squeeze([(belief, np.array(placement))], rng)[0].belief
 
 
-def test_stated_pushes_doubt_all_that_they_feel_each_for_itself(doubting):
-    """Rim, area, its middle and feet alike; nothing of jaws and encoder."""
+def test_pushed_of_varies_surface_friction_and_dof_only(doubting):
+    """The four kinds of pressure are equally likely; the traits of jaws and encoder stay nominal."""
     n = 30_000
     traits = pushed_of(doubting, n, np.random.default_rng(2))
     ways = np.bincount(np.minimum(traits["surface"], 3), minlength=4) / n
@@ -53,7 +53,7 @@ def test_stated_pushes_doubt_all_that_they_feel_each_for_itself(doubting):
     assert np.array_equal(felt, traits)
 
 
-def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
+def test_believed_friction_is_off_for_a_share_half_of_it_each_way(job):
     friction = believed(job, 40_000, np.random.default_rng(1)).traits["friction"]
     ours = friction[friction != FRESH]
     assert abs(len(ours) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
@@ -64,7 +64,7 @@ def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_w
     assert 0.98 * ROUGH * HIGH < rough.max() <= ROUGH * HIGH
 
 
-def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_middle(doubting):
+def test_believed_particle_has_at_most_one_parameter_off(doubting):
     n = 40_000
     traits = believed(doubting, n, np.random.default_rng(3)).traits
     closing = doubting.gripper.opening_mm - min_width(doubting.part.outline_mm)
@@ -89,13 +89,13 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
     assert traits["dof"][traits["dof"] > 0].min() >= 10
 
 
-def test_traits_are_kept_by_squeezing(doubting):
+def test_squeeze_keeps_traits(doubting):
     belief = believed(doubting, 300, np.random.default_rng(3))
     after = squeezed(doubting, belief, np.random.default_rng(4))
     assert after.traits.tobytes() == belief.traits.tobytes()
 
 
-def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
+def test_squeeze_encoder_offset_shifts_readings_only(job):
     belief = believed(job.replaced(friction={"doubt": 0}), 500, np.random.default_rng(5))
     plain = squeezed(job, belief, np.random.default_rng(6))
     belief.traits["encoder_mm"] = 3.0 * encoder_of(job).mm_per_step
@@ -105,8 +105,8 @@ def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
     assert np.array_equal(plain.reading[held] - off.reading[held], np.full(held.sum(), 3))
 
 
-def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
-    """The rows that have a share of their own end as in a job whose gripper has that share."""
+def test_roll_out_finger_share_equals_gripper_with_that_share(job):
+    """Rows with another finger share end as with a gripper of that share; the other rows do not change."""
     n = 100
     poses = to_hand(initial(job, n, np.random.default_rng(9)), np.zeros(3))
     part = Simulator.of_job(job, 1)

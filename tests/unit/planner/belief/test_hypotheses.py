@@ -1,4 +1,4 @@
-"""Beliefs over several parts: modes, distances, branches and roll-outs against slow twins."""
+"""Beliefs over several parts: distances, modes and roll-outs equal those of slow twins."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def states(rng, n):
 
 
 def distance(state, reference, identify):
-    """The slow twin, of one state."""
+    """The slow twin of `Metric.between`, for one state."""
     k = int(state[3])
     if identify and k != int(reference[3]):
         return np.inf
@@ -36,29 +36,36 @@ def distance(state, reference, identify):
 
 
 @pytest.mark.parametrize("identify", [True, False])
-def test_distances_are_under_each_parts_own_symmetry(identify):
+def test_between_uses_the_symmetry_of_each_hypothesis(identify):
     result, reference = states(np.random.default_rng(1), 200), np.array([0.5, 0.0, 2.0, 1.0])
     slow = [distance(state, reference, identify) for state in result]
     np.testing.assert_allclose(metric(identify).between(result, reference), slow)
 
 
 @pytest.mark.parametrize("identify", [True, False])
-def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(identify):
+def test_mode_ratio_is_exact_and_near_the_largest(identify):
     result = states(np.random.default_rng(2), 300)
     mode = metric(identify).mode(result)
     shares = [
         np.mean([distance(s, r, identify) < 3.0 for s in result]) for r in (mode.state, *result)
     ]
     assert mode.ratio == pytest.approx(shares[0])
-    assert mode.ratio >= max(shares[1:]) - 0.02  # the search starts from some of the states only
+    # The search for the mode starts from some states only.
+    assert mode.ratio >= max(shares[1:]) - 0.02
     assert mode.hypothesis[0] == int(mode.state[3])
 
 
-def test_parts_are_drawn_by_their_shares_and_rolled_out_each_as_itself():
-    job = job_file.load(GUSSET, {"part": {"faces": "either"}})
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(GUSSET, {"part": {"faces": "either"}})
+
+
+def test_believed_two_faces_are_drawn_by_their_shares(job):
     belief = believed(job, 2000, np.random.default_rng(6))
-    share = belief.traits["hypothesis"].mean()
-    assert share == pytest.approx(0.5, abs=0.05)
+    assert belief.traits["hypothesis"].mean() == pytest.approx(0.5, abs=0.05)
+
+
+def test_squeeze_of_mixture_treats_each_hypothesis_as_its_part(job):
     traits = as_planned(40)
     traits["hypothesis"] = np.arange(40) % 2
     poses = np.random.default_rng(7).uniform(-6.0, 6.0, (40, 3))

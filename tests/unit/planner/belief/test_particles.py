@@ -1,4 +1,4 @@
-"""Particles: where they are drawn, and what is kept where they are chosen, repeated and joined."""
+"""Particles: how they are drawn, and that choosing, repeating and joining keeps them whole."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from planner.mechanics.traits import as_planned
 
 @pytest.fixture(scope="module")
 def belief(job):
-    """Parts of which each has its number as reading, and traits that the job doubts."""
+    """Parts with latent traits; the reading of each is its number."""
     lying = believed(job, 300, np.random.default_rng(3))
     return Belief(lying.poses, lying.traits, np.arange(300))
 
@@ -22,7 +22,7 @@ def rows(belief):
 
 
 @pytest.mark.parametrize(("draw", "off"), [(initial, 0.03), (evenly, 0.003)])
-def test_draws_fill_equal_shares_of_the_disc_and_of_the_angles_alike(job, draw, off):
+def test_initial_and_evenly_fill_disc_and_angles_uniformly(job, draw, off):
     narrow = job.replaced(uncertainty={"orientation_halfwidth_deg": 30.0})
     poses = draw(narrow, 4000, np.random.default_rng(1))
     radius, half = narrow.uncertainty.radius_mm, np.radians(30.0)
@@ -60,7 +60,7 @@ def test_joined_pieces_of_a_belief_are_the_belief(belief):
     assert sorted(rows(mixed)) == sorted(rows(belief))
 
 
-def test_states_name_the_hypothesis_where_it_is_not_always_the_first(belief):
+def test_states_of_several_hypotheses_include_the_hypothesis(belief):
     traits = as_planned(4)
     assert Belief.of(belief.poses[:4], traits=traits).states.shape == (4, 3)
     traits["hypothesis"] = [0, 1, 0, 2]

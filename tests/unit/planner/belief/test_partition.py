@@ -1,4 +1,4 @@
-"""Widths cut by value: against all cuts there are, and what the planner relies on."""
+"""Partitions of readings: the cheapest of all cuts, with the properties that the planner relies on."""
 
 import itertools
 from statistics import NormalDist
@@ -15,9 +15,9 @@ from planner.belief.stopping import StoppingRule
 
 FREE = 228
 PLACES = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-20.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
-"""Poses of which no goal holds two."""
+"""Poses so far apart that no goal holds two of them."""
 MOST = 48
-"""Particles of which each is a candidate."""
+"""So few particles that each of them is a candidate for a mode."""
 
 
 def rule(modes=1, confidence=0.95):
@@ -30,7 +30,7 @@ def partition(poses, readings, how):
 
 
 def to_go(hits, size, estimate):
-    """J and the chance of missing the goal, in the words of the document."""
+    """Cost-to-go of each particle of an interval, and the probability that the interval misses the goal."""
     total = size + estimate.inside + estimate.outside
     share = (hits + estimate.inside) / total
     short = NormalDist(share, (share * (1.0 - share) / total) ** 0.5).cdf(estimate.confidence)
@@ -39,7 +39,7 @@ def to_go(hits, size, estimate):
 
 
 def cost(place, counts, starts, how):
-    """What intervals that begin at rising counts cost."""
+    """The cost of the intervals that begin at `starts`, which rise."""
     total = 0.0
     for low, end in itertools.pairwise([*starts, FREE]):
         inside = (counts >= low) & (counts < end)
@@ -65,7 +65,7 @@ def cost(place, counts, starts, how):
 
 
 def readings(rng, values):
-    """Up to eight counts that occur, each mostly of one place."""
+    """Places and counts of `MOST` particles: each count is mostly of one place."""
     counts = np.sort(rng.choice(np.arange(150, 150 + 3 * values), size=values, replace=False))
     main = rng.integers(0, len(PLACES), values)
     size = rng.multinomial(MOST - values, np.full(values, 1.0 / values)) + 1
@@ -78,7 +78,7 @@ def readings(rng, values):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_other_cuts_cost_less(seed):
+def test_partition_costs_the_least_of_all_cuts(seed):
     rng = np.random.default_rng(seed)
     how = rule(modes=1 + seed % 2, confidence=rng.uniform(0.6, 0.99))
     place, counts = readings(rng, int(rng.integers(1, 9)))
@@ -95,7 +95,7 @@ def test_no_other_cuts_cost_less(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_intervals_hold_every_reading_once_and_do_not_overlap(seed):
+def test_partition_intervals_hold_each_reading_once(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 600))
     counts = np.clip(np.rint(rng.choice([60, 90, 100, 180, 229], n) + rng.normal(0, 3, n)), 3, 233)
@@ -121,14 +121,14 @@ def test_intervals_hold_every_reading_once_and_do_not_overlap(seed):
     assert np.sum(clusters.high >= FREE) == (len(empty) > 0)
 
 
-def test_an_empty_hand_is_an_interval_of_its_own_however_rare_and_wherever_the_part_lies():
+def test_partition_rare_empty_hand_is_a_separate_interval():
     counts = np.repeat([228, 230, 226, 225], [3, 2, 500, 400])
     clusters = partition(np.zeros((905, 3)), counts, rule())
     assert (clusters.low[0], clusters.high[0], clusters.size[0]) == (228, 230, 5)
     assert clusters.high[1] == 226
 
 
-def test_what_lies_at_one_pose_is_one_interval_and_noise_does_not_split_it():
+def test_partition_noisy_readings_of_one_pose_are_one_interval():
     counts = np.rint(150 + 1.5 * np.random.default_rng(0).standard_normal(2000)).astype(np.int64)
     assert len(partition(np.zeros((2000, 3)), counts, rule()).mean) == 1
     assert len(partition(np.zeros((1, 3)), np.array([77]), rule()).mean) == 1

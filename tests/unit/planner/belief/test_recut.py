@@ -1,4 +1,4 @@
-"""Branches split where the next squeeze shows that it pays."""
+"""Branches are split where the next squeeze shows that this pays."""
 
 import numpy as np
 import pytest
@@ -14,38 +14,43 @@ RULE = Rule(Metric(3.0, 10.0, 2), StoppingRule(0.95), Resolution(free=228))
 
 
 def lost(n):
-    """n poses of which no goal holds two."""
+    """n poses so far apart that no goal holds two of them."""
     return np.column_stack([np.arange(n) * 20.0, np.zeros(n), np.zeros(n)])
 
 
 @pytest.mark.parametrize(
     ("gap", "poses", "reads", "cuts"),
     [
-        (10, 2, [150, 150], [110]),  # two poses that read the same after the squeeze
-        (10, 1, [150, 150], []),  # one pose
-        (10, 2, [150, 180], []),  # two poses that the squeeze tells apart itself
+        (10, 2, [150, 150], [110]),
+        (10, 1, [150, 150], []),
+        (10, 2, [150, 180], []),
         (3, 2, [150, 150], [103]),
-        (2, 2, [150, 150], []),  # parts would stray into a leaf of another pose
+        (2, 2, [150, 150], []),
+    ],
+    ids=[
+        "two poses read alike after the squeeze",
+        "one pose",
+        "the squeeze distinguishes two poses",
+        "least gap",
+        "parts would stray into a leaf of another pose",
     ],
 )
-def test_recut_reading_is_cut_where_it_tells_what_the_next_squeeze_does_not(
-    gap, poses, reads, cuts
-):
+def test_recut_cuts_where_the_next_squeeze_does_not_distinguish(gap, poses, reads, cuts):
     old = Belief.of(lost(700), np.repeat([100, 100 + gap], [500, 200]))
     there = np.repeat(lost(2)[[0, poses - 1]], [500, 200], axis=0)
     new = Belief.of(there, np.repeat(reads, [500, 200]))
     assert recut(old, new, RULE).tolist() == cuts
 
 
-def test_recut_piece_that_would_be_a_leaf_stays_where_parts_of_another_pose_stray_into_it():
-    """After the squeeze all readings tell everything; the cut would save nothing but that squeeze."""
+def test_recut_leaf_into_which_other_poses_stray_is_not_cut():
+    """The next squeeze distinguishes all parts, so that a cut would save nothing but this squeeze."""
     poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
     old = Belief.of(poses, np.repeat([100, 102], 500))
     new = Belief.of(np.repeat(lost(2), 500, axis=0), np.repeat([150, 180], 500))
     assert len(recut(old, new, RULE)) == 0
 
 
-def test_recut_order_of_the_particles_does_not_matter():
+def test_recut_permuted_particles_gives_the_same_cuts():
     old = Belief.of(lost(700), np.repeat([100, 110, 120], [400, 200, 100]))
     rng = np.random.default_rng(4)
     read, mixed = rng.choice([150, 180], 700), rng.permutation(700)

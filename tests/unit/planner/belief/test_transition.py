@@ -1,4 +1,4 @@
-"""What a squeeze makes of a belief."""
+"""The outcomes of a squeeze of a belief."""
 
 import numpy as np
 import problems
@@ -13,7 +13,7 @@ from planner.mechanics.simulator import RollOut
 from planner.mechanics.traits import FRESH, as_planned
 
 
-def test_a_branch_that_holds_a_pose_is_cut_where_nothing_was_read():
+def test_without_gaps_marked_branch_is_cut_at_its_gaps():
     reading = np.array([40, 41, 60, 61, 80, 120, 140])
     belief = Belief(np.zeros((7, 3)), as_planned(7), reading)
     outcomes = Outcomes([belief[5:], belief[:5]], 30.0)
@@ -25,8 +25,8 @@ def test_a_branch_that_holds_a_pose_is_cut_where_nothing_was_read():
     assert np.isclose(cut.probability.sum(), 1.0)
 
 
-def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
-    """Fingers almost without friction hardly ever hold a part by a diagonal; those of the job often do."""
+def test_squeeze_uses_and_keeps_the_friction_of_each_particle(job):
+    """Nearly frictionless fingers rarely hold a part by its diagonal; those of the job often do."""
     simulator = problems.simulator(problems.rectangle())
     model, rng = Simulation(simulator, encoder_of(job)), np.random.default_rng(4)
     poses = initial(job, 1000, rng)
@@ -43,13 +43,13 @@ def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
     assert np.mean(diagonal[slippery]) < 0.2 * np.mean(diagonal[~slippery])
 
 
-def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
-    """Here it reads 117 steps; a part of 2 mm reads 114, near enough to share a cluster if both were held."""
+def test_outcomes_empty_hand_is_separate_from_a_thin_part():
+    """The empty hand reads 117 steps and a part of 2 mm reads 114, close enough to share a cluster."""
     encoder = Encoder(85.0, 117, 0.01)
     width = np.repeat([0.0, 2.0], 50)
 
     class Emptied:
-        """Half of the parts slip out of the jaws."""
+        """A simulator in which half of the parts slip out of the jaws."""
 
         def squeeze(self, poses, rng, traits):
             return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))

@@ -1,4 +1,4 @@
-"""Certificates of tables: what they cover, and that plans lie above them."""
+"""Certificates of tables: the plans that they cover, and lower bounds that lie below them."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def matches(job, table):
     return certify(job, table, parts=2000, workers=2)
 
 
-def test_the_plan_lies_above_its_bound_and_the_bound_above_what_every_plan_takes(matches, table):
+def test_certify_lower_bound_lies_between_two_and_the_mean_of_the_plan(matches, table):
     assert 2.0 < matches.squeezes < matches.mean
     assert matches.squeezes == max(matches.leaves.squeezes, matches.overall.squeezes)
     for term in (matches.leaves, matches.overall):
@@ -25,7 +25,7 @@ def test_the_plan_lies_above_its_bound_and_the_bound_above_what_every_plan_takes
     assert matches.success < table.predicted.success_ppm / 1e6
 
 
-def test_the_seed_decides_and_the_workers_do_not(matches, job, table):
+def test_certify_other_workers_is_identical(matches, job, table):
     assert certify(job, table, parts=2000, workers=1) == matches
 
 
@@ -33,7 +33,7 @@ def placements_of(job, table, dense=False):
     return Covered(job, table, squeezes_of(job, 2), dense)
 
 
-def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
+def test_covered_contains_the_plan_and_turned_plans_once(job, table):
     alone = placements_of(job, table)
     assert len(alone.first) == 1  # the four angles are one up to a turn
     root, encoder = table.nodes[0], encoder_of_table(table)

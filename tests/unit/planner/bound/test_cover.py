@@ -1,4 +1,4 @@
-"""No prediction locates more poses than the cover says, and some locates nearly as many."""
+"""The cover bounds the number of poses that one prediction can locate, and is nearly reached."""
 
 import itertools
 
@@ -21,7 +21,7 @@ GRID = np.linspace(-2.0, 2.0, 9)
 
 
 def group(rng, metric, n):
-    """Poses about one, in units of the goal, a few of them away; turned by whole periods at random."""
+    """Poses about a middle, a few of them away from it, turned by whole periods at random."""
     unit = np.array([1.0 / w if w > 0.0 else 1.0 for w in metric.weights()[0, 1:4]])
     poses = rng.normal(size=(n, 3)) * unit * rng.uniform(0.1, 0.6)
     poses[: rng.integers(0, n // 4 + 1)] += unit * rng.uniform(-3.0, 3.0, 3)
@@ -38,7 +38,7 @@ def located(metric, poses, predictions, inflation=0.0):
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda m: f"{m.kind}-{m.order}-{m.rho_mm}")
-def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(metric):
+def test_most_located_lies_between_a_grid_search_and_a_wider_goal(metric):
     rng = np.random.default_rng(1)
     for n in (1, 2, 3, 7, 40):
         poses, middle, unit = group(rng, metric, n)
@@ -46,13 +46,13 @@ def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(met
         grid = [middle + unit * np.array(steps) for steps in itertools.product(GRID, repeat=3)]
         result = located(metric, poses, [*grid, *poses])
         assert result <= most <= n
-        # The grid's own cells reach as far as its steps: no prediction in it locates more than that many.
+        # The goal about a grid point, wider by half a cell, holds all that a prediction in the cell locates.
         step = 0.5 * (GRID[1] - GRID[0]) * (np.sqrt(2.0) + 1.0)
         held = located(metric, poses, grid, step + INFLATION)
         assert most <= max(held, np.ceil(LEAST_SHARE * n) - 1)
 
 
-def test_a_ball_of_poses_just_within_the_goal_is_one_and_just_beyond_is_not():
+def test_most_located_ring_is_whole_within_the_goal_and_not_beyond():
     metric = METRICS[1]
     for radius, all_located in ((2.99, True), (3.0 * (1.0 + INFLATION) + 0.01, False)):
         ring = [

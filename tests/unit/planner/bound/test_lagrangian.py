@@ -1,4 +1,4 @@
-"""Bounds against all plans of worlds small enough to write them down, and against what samples may show."""
+"""Lower bounds of worlds so small that all plans can be enumerated, and bounds from samples of them."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ CERTAINTY = 0.95
 TOYS = range(4)
 SUCCESSES = (1.0, 0.9, 0.8, 0.5)
 HALVES = Toy([list(range(8))] * 3, [[s >> bit & 1 for s in range(8)] for bit in range(3)])
-"""Eight poses, told apart by three squeezes of one bit each; one prediction locates three neighbours."""
+"""Eight poses, which three squeezes of one bit each distinguish; a prediction locates three neighbours."""
 
 
 def toy(seed):
@@ -49,14 +49,14 @@ def assert_no_plan_is_below(world, levels):
 
 @pytest.mark.parametrize("depth", [1, 2, 3])
 @pytest.mark.parametrize("seed", TOYS)
-def test_no_plan_of_a_toy_is_below_its_bounds(seed, depth):
+def test_lower_bounds_of_toy_world_are_below_all_plans(seed, depth):
     world = toy(seed)
     assert_no_plan_is_below(world, levels_of(world, depth))
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])
 @pytest.mark.parametrize("seed", TOYS)
-def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(seed, depth):
+def test_lower_bounds_at_full_success_equal_the_best_plan(seed, depth):
     world = toy(seed)
     best = world.least(1.0, depth, granted=True)
     assert overall_term(levels_of(world, depth), 1.0, CERTAINTY).estimate == pytest.approx(best)
@@ -67,7 +67,7 @@ def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(
 
 @pytest.mark.parametrize("price", [1.0, 3.0, 30.0])
 @pytest.mark.parametrize("seed", TOYS)
-def test_squeezes_tried_where_the_cheapest_plan_makes_them_prove_what_all_of_them_do(seed, price):
+def test_worth_trying_squeezes_reach_the_cost_of_all_squeezes(seed, price):
     some = histories_of(toy(seed), 1, 3)
     costs = [least_cost(some.levels, price, 1.0)]
     while waiting := [
@@ -82,7 +82,7 @@ def test_squeezes_tried_where_the_cheapest_plan_makes_them_prove_what_all_of_the
 
 
 @pytest.mark.parametrize("seed", TOYS)
-def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
+def test_lower_bounds_after_random_extension_are_below_all_plans(seed):
     world, rng = toy(seed), np.random.default_rng(seed)
     result = histories_of(world, 1, 3)
     for level in (1, 2, 1):
@@ -96,7 +96,7 @@ def untried_of(levels, level):
     return np.setdiff1d(np.arange(len(levels[level].size)), tried)
 
 
-def test_samples_of_a_world_rarely_prove_too_much():
+def test_overall_term_of_samples_rarely_exceeds_the_best_plan():
     world, rng, success = HALVES, np.random.default_rng(7), 0.9
     best = world.least(success, 4)
     results = []
@@ -113,7 +113,7 @@ def test_samples_of_a_world_rarely_prove_too_much():
 @pytest.mark.parametrize("mean", [0.001, 0.01, 0.3, 0.9])
 @pytest.mark.parametrize("n", [100, 20_000])
 @pytest.mark.parametrize("error", [0.05, 0.001])
-def test_tails_hold_against_the_binomial_distribution(mean, n, error):
+def test_upper_tail_and_least_mean_hold_for_the_binomial(mean, n, error):
     most = upper_tail(mean, n, error)
     assert stats.binom.sf(np.ceil(n * most) - 1, n, mean) <= error
     assert mean < most <= 1.0

@@ -1,4 +1,4 @@
-"""Errors of the cell besides the mechanics."""
+"""Disturbances: errors of the cell besides its mechanics."""
 
 from dataclasses import replace
 from functools import partial
@@ -13,8 +13,8 @@ from planner.frames import to_hand
 from planner.world import ContactWorlds
 
 
-def test_a_constant_error_of_the_arm_is_a_change_of_frame(job, table):
-    """Parts that the hand never meets lie in its frame where they lay, less the error."""
+def test_evaluate_constant_arm_bias_is_a_change_of_frame(job, table):
+    """Parts that the hand misses keep their initial pose, less the bias, in the frame of the hand."""
     worlds, bias = ContactWorlds.of_job(job, 5), Disturbance(bias_mm=(120.0, 0.0))
     displaced = evaluate(table, job, worlds, 200, 3, disturbance=bias)
     assert displaced.poses == pytest.approx(displaced.initial - bias.bias)
@@ -50,7 +50,7 @@ def test_placed_hand_scatters_anew_in_every_squeeze_as_stated(job):
         (NONE, True, hypotheses_of),
     ],
 )
-def test_traits_of_a_cell_are_those_of_its_doubts_plus_its_errors(job, cell, foreign, draw):
+def test_traits_are_the_latent_parameters_plus_the_stated_errors(job, cell, foreign, draw):
     job = job.replaced(doubt={"middle_mm": [0.2, 0.6]})
     expected = draw(job, 300, np.random.default_rng(3))
     expected["encoder_mm"] += 0.4

@@ -1,4 +1,4 @@
-"""An evaluation: the same on any number of workers, and the same parts in every world."""
+"""Evaluations: the same with any number of workers, and of the same parts in every world."""
 
 import math
 from dataclasses import fields
@@ -20,7 +20,7 @@ def same(a: Evaluation, b: Evaluation) -> bool:
     return all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(Evaluation))
 
 
-def test_any_number_of_workers_gives_the_same_bytes(job, table):
+def test_evaluate_same_seed_and_other_workers_is_identical(job, table):
     runs = [
         evaluate(table, job, ContactWorlds.of_job(job, 1), 2300, 2, Threads(workers))
         for workers in (1, 2)
@@ -30,7 +30,7 @@ def test_any_number_of_workers_gives_the_same_bytes(job, table):
     assert not same(runs[0], evaluate(table, job, ContactWorlds.of_job(job, 1), 2300, 3))
 
 
-def test_only_the_world_differs_from_case_to_case(job, table):
+def test_sweep_cases_differ_in_the_world_only(job, table):
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
     plain, moved = sweep(table, job, cases, 1000, 3, worlds=worlds)
     assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)

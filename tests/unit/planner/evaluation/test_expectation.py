@@ -1,4 +1,4 @@
-"""Expected readings: histograms that count every squeeze, in the bins of the runtime."""
+"""Expected readings: histograms of all squeezes, in the bins of the runtime."""
 
 from collections import Counter
 
@@ -16,7 +16,7 @@ from runtime.table import PROFILES
 
 
 @pytest.mark.parametrize("model", PROFILES)
-def test_bins_of_readings_are_those_of_their_widths_in_the_runtime(model):
+def test_bins_of_steps_equal_bin_of_their_widths(model):
     table = table_for(model)
     steps = np.arange(table.gripper.steps + 1)
     widths_um = encoder_of_table(table).width_um(steps).tolist()

@@ -1,4 +1,4 @@
-"""Right or wrong, by every kind of goal."""
+"""Whether a pose is within the goal, for each kind of goal."""
 
 import math
 from dataclasses import replace
@@ -11,10 +11,8 @@ from sample_tables import changed, small_table
 from planner.evaluation.judge import errors_mm, within_goal
 from runtime.table import LeafPose, Tolerance
 
-LEAF = (
-    1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
-)
-SAID = np.array([-1.2, -2.0, 1.571])
+LEAF = 1  # of the small table, whose part has symmetry 2 and rho = 10.571 mm
+PREDICTED = np.array([-1.2, -2.0, 1.571])  # pose of that leaf
 
 
 def with_goal(**changes):
@@ -29,10 +27,10 @@ def judge(table, pose):
 
 
 def verdict(table, *offset):
-    return judge(table, SAID + np.array([offset]))
+    return judge(table, PREDICTED + np.array([offset]))
 
 
-def test_the_pose_goal_is_equation_9():
+def test_within_goal_pose_follows_equation_nine():
     table = small_table()
     assert verdict(table, 2.9, 0, 0).within.all()
     assert not verdict(table, 3.1, 0, 0).within.any()
@@ -41,25 +39,29 @@ def test_the_pose_goal_is_equation_9():
     assert verdict(table, 3.0, 4.0, 0.1).error_mm == pytest.approx(5.0 + 1.0571)
 
 
-def test_tolerances_bound_each_coordinate_alone():
-    table = with_goal(kind="tolerances", tolerance=Tolerance(2_500, 1_000, 87_266))
-    for offset, expected in [
+@pytest.mark.parametrize(
+    ("offset", "within"),
+    [
         ((2.4, 0.9, 0.08), True),
         ((2.6, 0, 0), False),
         ((0, 1.1, 0), False),
         ((0, 0, 0.09), False),
         ((2.4, -0.9, math.pi - 0.08), True),
-    ]:
-        assert verdict(table, *offset).within.all() == expected
+    ],
+    ids=["all inside", "x", "y", "angle", "half a turn"],
+)
+def test_within_goal_tolerances_bound_each_coordinate_alone(offset, within):
+    table = with_goal(kind="tolerances", tolerance=Tolerance(2_500, 1_000, 87_266))
+    assert verdict(table, *offset).within.all() == within
 
 
-def test_orientation_alone_forgets_the_place():
+def test_within_goal_orientation_ignores_the_place():
     table = with_goal(kind="orientation", tolerance=Tolerance(0, 0, 87_266))
     assert verdict(table, 40.0, -40.0, 0.08).within.all()
     assert not verdict(table, 0, 0, 0.09).within.any()
 
 
-def test_any_of_a_leafs_modes_will_do():
+def test_within_goal_modes_accepts_any_pose_of_the_leaf():
     far = LeafPose(9_000, 0, 0)
     leaf = small_table().leaves[LEAF]._replace(alternatives=(far,))
     table = changed(with_goal(kind="modes", modes=2), {f"leaves.{LEAF}": leaf})

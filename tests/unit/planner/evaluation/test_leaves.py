@@ -1,4 +1,4 @@
-"""Which leaf is true of a part, and whether leaves keep what they predict."""
+"""The nearest leaf of a pose, and the reliability of the rates that leaves predict."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
 from runtime.table import PPM, poses_of
 
 
-def test_the_true_leaf_is_the_nearest_one_within_the_goal():
+def test_nearest_leaf_is_the_nearest_within_the_goal_or_none():
     table = random_table(seed=12, nodes=8)
     rng = np.random.default_rng(2)
     poses = rng.uniform([-14, -14, -3], [14, 14, 3], (200, 3))
@@ -29,7 +29,7 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
 
 
 def predicted_table(rng, leaves, trials):
-    """A table with honest predictions, from that many trials of each leaf; and the truth behind it."""
+    """A table whose leaves state the rates of `trials` trials each, and the true rates."""
     table = random_table(seed=15, nodes=60)
     truth = rng.beta(20.0, 0.5, len(table.leaves))
     hits = rng.binomial(trials, truth)
@@ -41,13 +41,13 @@ def predicted_table(rng, leaves, trials):
 
 
 def observed(truth, rng, visits):
-    """What `reliability` reads of an evaluation: leaves, and which of their parts were within the goal."""
+    """The fields of an evaluation that `reliability` reads."""
     leaf = np.repeat(np.arange(len(truth)), visits)
     return SimpleNamespace(leaf=leaf, within=rng.random(len(leaf)) < np.repeat(truth, visits))
 
 
 @pytest.mark.parametrize(("trials", "visits"), [(300, 300), (2000, 250)])
-def test_honest_predictions_hold_in_19_of_20_leaves(trials, visits):
+def test_reliability_of_true_predictions_is_19_of_20_leaves(trials, visits):
     rng = np.random.default_rng(trials)
     shares = []
     for _ in range(5):

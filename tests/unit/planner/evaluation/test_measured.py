@@ -1,4 +1,4 @@
-"""Figures of an evaluation in its table."""
+"""The figures of an evaluation in its table."""
 
 from dataclasses import replace
 from random import Random
@@ -24,8 +24,8 @@ from planner.world import ContactWorlds
 from runtime.table import PPM, REJECT, Prediction, Table, decide, decision_map, dumps
 
 
-def test_with_figures_leaf_that_the_jaws_could_not_hold_is_unresolved(table, job):
-    """Its few trials say nothing against it: squeezes that the simulator gave up end all alike."""
+def test_with_figures_leaf_out_of_reach_of_the_jaws_is_unresolved(table, job):
+    """No trial refutes the leaf, but the jaws could not hold a part at its pose."""
     run = evaluate(table, job, ContactWorlds.of_job(job, 1), 50, 1)
     index = next(
         k for k in range(len(table.leaves)) if k not in run.leaf and table.leaves[k].resolved
@@ -52,14 +52,14 @@ def tree_of(table: Table, target: int = 0) -> plans.Node:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(
+def test_without_untried_rejects_pruned_widths_and_keeps_all_others(
     seed: int,
 ) -> None:
     table, random = random_table(seed, 12), Random(seed)
     reached = {n for n in range(len(table.leaves)) if random.random() < 0.5} | {0}
     kept = leading(table, reached)
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
-    # Validates it; the figures were those of all leaves.
+    # `dumps` validates the table; its prediction was that of all leaves.
     dumps(replace(pruned, predicted=Prediction(0, 0, 0)))
     waiting = [(0, 0, root)]
     while waiting:
@@ -89,7 +89,7 @@ def run(job, table):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 1000, 1)
 
 
-def test_with_figures_shares_and_rates_are_counts_whatever_the_order_of_the_parts(job, table, run):
+def test_with_figures_permuted_parts_gives_the_same_shares_and_rates(job, table, run):
     measured, _ = with_figures(table, run, job)
     mixed = run.of_rows(np.random.default_rng(2).permutation(1000))
     assert with_figures(table, mixed, job)[0] == measured
@@ -110,7 +110,7 @@ def test_with_figures_shares_and_rates_are_counts_whatever_the_order_of_the_part
 
 
 def test_with_figures_refuted_leaf_is_open_and_names_where_its_parts_lie(job, table, run):
-    """All parts of the leaf with most of them lie 9 mm aside."""
+    """All parts that end at the most frequent leaf lie 9 mm beside its pose."""
     number = int(np.argmax(np.bincount(run.leaf[run.leaf >= 0])))
     aside = run.poses + np.where(run.leaf == number, 9.0, 0.0)[:, None] * [1.0, 0.0, 0.0]
     measured, _ = with_figures(table, replace(run, poses=aside), job)

@@ -1,4 +1,4 @@
-"""The rigid-body world by itself: theory it must keep to, residuals, and what a job's values do in it."""
+"""The rigid-body world: it agrees with theory, and its residuals are small."""
 
 import math
 
@@ -35,7 +35,7 @@ def contacts(world, fingers):
     return np.array(results).reshape(-1, 2)
 
 
-def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
+def test_close_without_friction_ends_at_a_local_minimum_width():
     for seed in range(3):
         rng = np.random.default_rng(seed)
         outline = random_convex(rng, 6)
@@ -50,7 +50,7 @@ def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.65])
-def test_a_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu):
+def test_close_rectangle_on_its_diagonal_jams_up_to_atan_mu(mu):
     world, diagonal = RigidWorld(JOB, 0), math.hypot(30, 21)
     for past, jams in ((-0.4, True), (0.4, False)):
         off = math.atan(mu) + math.radians(past)
@@ -59,7 +59,7 @@ def test_a_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu):
 
 
 @pytest.mark.slow
-def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
+def test_close_held_part_is_balanced_and_stays():
     world = RigidWorld(JOB, 0)
     for pose in random_poses(np.random.default_rng(3), 8, 12.0):
         width, before = world.close(tuple(pose), MU), np.array(world.pose())
@@ -67,9 +67,8 @@ def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
         fingers = contacts(world, True)
         assert fingers[:, 0].max() < 0.05
         assert fingers[:, 1].sum() == pytest.approx(2 * JOB.gripper.force_n, rel=0.05)
-        assert (
-            np.abs(world.data.qacc[:3]).max() < 0.1
-        )  # m/s^2, where the grip alone would make 2000
+        # In m/s^2; an unbalanced grip would accelerate the part by 2000.
+        assert np.abs(world.data.qacc[:3]).max() < 0.1
         mujoco.mj_step(model, world.data, round(0.5 / TIMESTEP_S))
         off = np.array(world.pose()) - before
         assert np.hypot(*off[:2]) < 0.05
@@ -82,9 +81,7 @@ def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
 @pytest.mark.parametrize(
     ("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)]
 )
-def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
-    half_deg, inside_mm, held
-):
+def test_close_corner_at_the_finger_ends_is_held_only_if_sharp(half_deg, inside_mm, held):
     side, slope = 15.0, math.tan(math.radians(half_deg))
     job = job_of([[0.0, 0.0], [side / slope, -side], [side / slope, side]])
     ahead = 0.5 * JOB.gripper.finger_length_mm - job.part.outline_mm[:, 0].min() - inside_mm
@@ -94,7 +91,7 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
 
 
 def overlap_mm2(pose, opening_mm):
-    """The slow twin: area that the open fingers have in common with the part."""
+    """The slow twin of `collides`: the area that the open fingers share with the part."""
     gripper, near = JOB.gripper, 0.5 * opening_mm
     half, far = 0.5 * gripper.finger_length_mm, near + gripper.finger_width_mm
     fingers = shapely.box([-half, -half], [near, -far], [half, half], [far, -near])
@@ -103,7 +100,7 @@ def overlap_mm2(pose, opening_mm):
     return shapely.area(shapely.intersection(fingers, lying)).sum()
 
 
-def test_an_open_finger_stands_on_the_part_where_their_areas_overlap():
+def test_collides_where_finger_and_part_areas_overlap():
     world, rng = make(JOB, 0), np.random.default_rng(2)
     poses = np.column_stack(
         [rng.uniform(-40, 40, 200), rng.uniform(-60, 60, 200), rng.uniform(-3, 3, 200)]
@@ -114,8 +111,8 @@ def test_an_open_finger_stands_on_the_part_where_their_areas_overlap():
         assert 20 < sum(stood) < 180
 
 
-def test_pushes_end_about_where_quasi_static_ones_do():
-    """Within what friction and pressure leave open there, and a millimetre."""
+def test_push_ends_near_the_quasi_static_push():
+    """It ends within the scatter that friction and pressure cause there, plus a millimetre."""
     rng, (opening, way, n, draws) = np.random.default_rng(8), (20.0, 28.0, 4, 60)
     far = JOB.gripper.finger_length_mm / 2 + np.hypot(*JOB.part.outline_mm.T).max() + 1.0
     poses = np.column_stack(
@@ -128,5 +125,5 @@ def test_pushes_end_about_where_quasi_static_ones_do():
     )
     low, high = np.quantile(many.reshape(n, draws, 3)[:, :, :2], [0.02, 0.98], axis=1)
     off = np.maximum(low - rigid[:, :2], rigid[:, :2] - high)
-    assert np.sort(off.max(axis=1))[-2] < 1.0  # but for one that may roll off another finger
+    assert np.sort(off.max(axis=1))[-2] < 1.0  # except one, which may roll off the other finger
     assert np.hypot(*(rigid - poses)[:, :2].T).max() > 5.0

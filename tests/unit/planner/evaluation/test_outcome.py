@@ -1,4 +1,4 @@
-"""In which way each trial ends."""
+"""The end of each trial."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from planner.mechanics.traits import as_planned
 from planner.world import ContactWorlds
 
 
-def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
+def test_resolved_trial_without_leaf_is_false():
     table = small_table()
     for leaves in (table.leaves[:1], table.leaves):
         few = replace(table, leaves=leaves)
@@ -22,7 +22,7 @@ def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
         assert list(run.resolved) == [False, False, False, True]
 
 
-def test_every_trial_ends_in_exactly_one_way(job, table):
+def test_evaluation_each_trial_ends_in_exactly_one_way(job, table):
     noisy = job.replaced(gripper={"noise_mm": 0.5})
     world = ContactWorlds.of_job(noisy, 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)

@@ -1,4 +1,4 @@
-"""Rare wrong answers: bounds that hold at every look, splitting without bias, studies that are resumed."""
+"""Rare wrong answers: bounds valid at every look, splitting without bias, and studies that are resumed."""
 
 import json
 import math
@@ -25,9 +25,9 @@ def job(job):
 
 
 class Coins(Worlds):
-    """Widths by lot: each squeeze of a table's node ends in its branches by the shares given, in the middle.
+    """A world that draws the width of each squeeze from `widths_mm` with the probabilities `shares`.
 
-    A part that reads its last branch and is unlucky besides ends a metre away from what its leaf says.
+    A part that reads the last width is moved a metre away with the probability `unlucky`.
     """
 
     def __init__(self, widths_mm, shares, unlucky):
@@ -49,7 +49,7 @@ class Coins(Worlds):
 
 
 def chain(table, nodes, rare):
-    """A table of as many nodes in a row: each ends in a leaf at its first width, else goes on to the next."""
+    """A table of nodes in a row: the first width of each leads to a leaf, the second to the next node."""
     first = table.nodes[0]
     low, high = (
         branch._replace(low_um=width - 1000, expected_um=width, high_um=width + 1000)
@@ -84,7 +84,7 @@ def total(of, chunks):
     return sums
 
 
-def test_a_bound_holds_at_every_look_at_once():
+def test_bound_holds_at_all_looks_at_once():
     rng, rate, wrong = np.random.default_rng(4), 2e-3, 0
     looks = np.unique(np.geomspace(100, 40_000, 40).astype(int))
     for _ in range(100):
@@ -94,8 +94,8 @@ def test_a_bound_holds_at_every_look_at_once():
     assert wrong <= 100 * ppm.ERROR + 3 * math.sqrt(100 * ppm.ERROR)
 
 
-def test_a_bound_is_where_the_mixture_says_so():
-    """The second method: the likelihood ratio integrated over the prior by the trapezoidal rule."""
+def test_bound_equals_numerical_integration_of_the_mixture():
+    """The likelihood ratio is integrated over the prior by the trapezoidal rule."""
     total, parts = 7.5, 50_000
     a, b = ppm.PRIOR
     p = np.linspace(1e-9, 3e-3, 400_001)
@@ -112,7 +112,7 @@ def test_a_bound_is_where_the_mixture_says_so():
         )
 
 
-def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
+def test_study_with_splitting_is_unbiased_and_narrows_rare_rates(job):
     table = chain(small_table(), 3, rare=30_000)
     worlds = Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3)
     plain, split = (total(study(table, job, worlds, k), 30) for k in ([1, 1, 1], [1, 4, 32]))
@@ -129,7 +129,7 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
     assert spread[1] < 0.6 * spread[0]
 
 
-def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):
+def test_continued_after_pause_with_other_workers_is_identical(job, tmp_path):
     table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.9, 0.1], unlucky=0.5)
     of, kept = study(table, job, worlds, ppm.copies_of(table)), tmp_path / "study.json"
     whole, identity = total(of, 5), of.identity("coins")
@@ -142,7 +142,7 @@ def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):
 
 
 @pytest.mark.parametrize("change", ["other", "deep", "short", "text", "bytes"])
-def test_a_file_that_keeps_another_study_is_refused(job, tmp_path, change):
+def test_resumed_file_of_another_study_is_refused_and_unchanged(job, tmp_path, change):
     table, kept = chain(small_table(), 2, rare=2000), tmp_path / "study.json"
     of = study(table, job, Coins([20.0, 40.0], [0.9, 0.1], 0.0), [1, 1])
     identity = of.identity("coins")

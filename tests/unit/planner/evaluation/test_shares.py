@@ -1,4 +1,4 @@
-"""Shares in percent add up as they are printed, and none is rounded to nothing or to all."""
+"""Shares in percent add up as printed, and only exact shares are printed as 0 or 100 %."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from planner.evaluation.shares import rounded
         (6667, 6667, 6666, 0, 0),
     ],
 )
-def test_rounded_shares_add_up_to_all(counts):
+def test_rounded_shares_add_up_to_100_percent(counts):
     shares = np.array(counts) / sum(counts)
     result = rounded(shares.tolist())
     assert sum(round(100 * share) for share in result) == 100 * 100

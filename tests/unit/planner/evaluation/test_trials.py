@@ -47,7 +47,7 @@ class Wrung:
 
 
 def spread_table(nodes=12, seed=3):
-    """A random table whose branches cover most widths, some of its nodes dragging what they hold."""
+    """A random table whose branches cover most widths; some of its nodes move what they hold."""
     random = Random(seed)
     table = random_table(seed, nodes)
     rows = []
@@ -63,7 +63,7 @@ def spread_table(nodes=12, seed=3):
 
 
 def walk(table, job, start):
-    """The slow twin: one part, one node after another, as a runtime would go."""
+    """The slow twin: walks one part from node to node, as the runtime does."""
     encoder = encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
     pose, target, path, readings = start, 0, [], []
@@ -88,7 +88,7 @@ def walk(table, job, start):
     return ~target, path, pose, readings
 
 
-def test_trials_go_as_one_part_after_another_would(job):
+def test_evaluate_equals_a_walk_of_one_part_at_a_time(job):
     table = spread_table()
     assert any(node.release is not None for node in table.nodes)
     evaluation = evaluate(table, job, Wrung(), 300, seed=5)
@@ -115,7 +115,7 @@ def test_trials_go_as_one_part_after_another_would(job):
 
 
 @pytest.mark.parametrize("crashed", [0, 7, 19])
-def test_part_that_is_never_squeezed_takes_no_time_from_the_next(job, crashed):
+def test_seconds_of_part_never_squeezed_are_zero_and_change_no_other(job, crashed):
     run = evaluate(spread_table(), job, Wrung(), 20, seed=5)
     columns = [run.path, run.reading, run.branch]
     others = [np.delete(column, crashed, axis=0) for column in columns]
@@ -127,7 +127,7 @@ def test_part_that_is_never_squeezed_takes_no_time_from_the_next(job, crashed):
 
 
 @pytest.mark.parametrize("turn_urad", [700_000, -2_500_000])
-def test_turned_plan_ends_as_the_plan_does_for_parts_turned_with_it(job, turn_urad):
+def test_turned_table_ends_as_the_table_does_for_turned_parts(job, turn_urad):
     table = spread_table()
     drawn = evaluate(table, job, Wrung(), 200, seed=7).initial
     same, off_mm = 0, []
@@ -140,9 +140,9 @@ def test_turned_plan_ends_as_the_plan_does_for_parts_turned_with_it(job, turn_ur
     assert np.quantile(off_mm, 0.95) < 0.02
 
 
-def test_a_part_under_a_finger_ends_its_trial_and_is_a_failure(job):
+def test_evaluate_part_under_a_finger_crashes_without_a_squeeze(job):
     class Blocked(Wrung):
-        """Half of the parts are stood on, and those are never squeezed."""
+        """Half of the parts lie under a finger and are never squeezed."""
 
         def collides(self, pose, opening_mm):
             return pose[0] > 0.0

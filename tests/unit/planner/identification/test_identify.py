@@ -1,4 +1,4 @@
-"""Identification on made-up pairs whose surface is known, and the command that does it."""
+"""Identification from pairs of a known surface, and the command that does it."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def rectangle_pairs(count: int, noise: float, seed: int = 0) -> pushes.Pairs:
     return pushes.Pairs(F * [1, 1, RHO], V / [1, 1, RHO], np.ones(count))
 
 
-def found_in(
+def identified(
     pairs: pushes.Pairs, *kinds: identify.Kind, splits: int = 3, seed: int = 0, share: float = 0.5
 ):
     data = identify.normalise(pairs, RHO)
@@ -51,30 +51,30 @@ def write_csv(path: Path, pairs: pushes.Pairs) -> Path:
     return path
 
 
-def test_an_exact_ellipsoid_is_found_by_both_kinds():
-    ellipsoid, squared = found_in(ellipsoid_pairs(40, 0.0), "ellipsoid", "quartic", splits=1)
+def test_identify_exact_ellipsoid_is_recovered_by_both_kinds():
+    ellipsoid, squared = identified(ellipsoid_pairs(40, 0.0), "ellipsoid", "quartic", splits=1)
     assert ellipsoid.errors_rad.max() < 1e-6
     assert squared.errors_rad.max() < 0.01
-    A_found = ellipsoid.fit.surface.A * (4.0 / ellipsoid.fit.friction_n) ** 2
-    assert np.allclose(A_found, A, rtol=1e-6)
+    fitted = ellipsoid.fit.surface.A * (4.0 / ellipsoid.fit.friction_n) ** 2
+    assert np.allclose(fitted, A, rtol=1e-6)
 
 
-def test_ridge_of_noisy_ellipsoid_pairs_is_the_strongest():
+def test_choose_ridge_noisy_pairs_is_the_strongest():
     noisy = identify.normalise(ellipsoid_pairs(25, 0.3, friction=1.0), RHO)
     assert identify.choose_ridge(noisy, RHO, np.random.default_rng(0)) == max(identify.RIDGES)
 
 
-def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
-    """One pair that no other agrees with: it is predicted badly whenever it is held out."""
+def test_identify_held_out_errors_are_of_unseen_pairs():
+    """One pair contradicts all others, so that it is predicted badly whenever it is held out."""
     pairs = ellipsoid_pairs(20, 0.0)
     pairs.twists[0] = -pairs.twists[0]
-    (result,) = found_in(pairs, "ellipsoid", splits=8, share=0.7)
+    (result,) = identified(pairs, "ellipsoid", splits=8, share=0.7)
     data = identify.normalise(pairs, RHO)
     held_out = np.isfinite(result.held_out[:, 0])
     error = identify.angles(result.held_out[held_out], data.V[held_out])
     assert error[0] > 3.0
     assert error[1:].max() < 1e-6
-    once = found_in(pairs, "ellipsoid", splits=1, share=0.7)[0]
+    once = identified(pairs, "ellipsoid", splits=1, share=0.7)[0]
     assert np.isfinite(once.held_out[:, 0]).sum() == 6
 
 
@@ -90,7 +90,7 @@ def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_command_refuses_bad_input_in_one_line(tmp_path):
+def test_identify_command_refuses_bad_input_in_one_line(tmp_path):
     good = write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1))
     bad = tmp_path / "bad.txt"
     bad.write_text("3\n1 2", encoding="utf-8")
@@ -109,8 +109,8 @@ def test_the_command_refuses_bad_input_in_one_line(tmp_path):
         assert called(main, good, option).code == 2
 
 
-def scaled_anyhow(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
-    """The same directions, each wrench and twist of a magnitude of its own."""
+def scaled_at_random(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
+    """Pairs of the same directions with random magnitudes."""
     rng = np.random.default_rng(seed)
     factors = np.exp(rng.normal(scale=2.0, size=(2, len(pairs.weights), 1)))
     return pairs._replace(wrenches=factors[0] * pairs.wrenches, twists=factors[1] * pairs.twists)
@@ -121,8 +121,8 @@ def in_rho(pairs: pushes.Pairs) -> pushes.Pairs:
 
 
 @pytest.mark.parametrize("kind", ["ellipsoid", "quartic"])
-def test_directions_alone_find_an_exact_ellipsoid(kind):
-    data = identify.directions(in_rho(scaled_anyhow(ellipsoid_pairs(60, 0.0))))
+def test_fit_of_directions_alone_recovers_an_exact_ellipsoid(kind):
+    data = identify.directions(in_rho(scaled_at_random(ellipsoid_pairs(60, 0.0))))
     result = identify.fit(data, RHO, kind, np.random.default_rng(0))
     F = np.random.default_rng(1).normal(size=(200, 3))
     errors = identify.angles(identify.predict(result.surface, F), limit_surface.twist(A, F))

@@ -39,37 +39,50 @@ def known(n: int, noise_mm: float) -> motions.Motions:
 
 
 @pytest.mark.parametrize(("noise_mm", "close"), [(0.0, 0.03), (0.3, 0.15)])
-def test_surface_and_friction_are_recovered_from_motions(noise_mm, close):
+def test_fit_motions_recovers_surface_and_friction(noise_mm, close):
     fitted = motions.fit(known(60, noise_mm), simulator(rectangle()), TIP_MM)
     assert fitted.friction == pytest.approx(MU, abs=close)
     assert pytest.approx(A, abs=2.0 * close) == fitted.surface.A
 
 
-def test_outliers_among_motions_pull_little():
+def test_fit_outliers_among_motions_change_friction_little():
     spoiled = known(60, 0.1)
     spoiled.moved[::12] += [9.0, -9.0, 0.5]
     fitted = motions.fit(spoiled, simulator(rectangle()), TIP_MM)
     assert fitted.friction == pytest.approx(MU, abs=0.1)
 
 
-def test_command_identifies_from_motions(tmp_path):
+HEADER = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm,moved_x_mm,moved_y_mm,turned_deg"
+
+
+@pytest.fixture
+def words(tmp_path):
+    """Options of plan-identify with a table of motions and a job."""
     data, table, job = known(40, 0.1), tmp_path / "pushes.csv", tmp_path / "job.toml"
     job.write_text(JOB)
     tips = data.paths.points[:, 0] + [15.0, 10.5]  # from the centroid
     moved = data.moved * [1.0, 1.0, 180.0 / np.pi]
     rows = np.column_stack([tips, data.paths.shifts, moved])
-    header = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm,moved_x_mm,moved_y_mm,turned_deg"
-    np.savetxt(table, rows, delimiter=",", header=header, comments="")
+    np.savetxt(table, rows, delimiter=",", header=HEADER, comments="")
+    return ["--motions", str(table), "--job", str(job), "--tip-radius-mm", "3", "--splits", "2"]
+
+
+def test_identify_command_motions_states_friction_and_writes_surface(words, tmp_path):
     surface = tmp_path / "surface.toml"
-    words = ["--motions", str(table), "--job", str(job), "--tip-radius-mm", "3", "--splits", "2"]
     answer = document(main, *words, "--json", "-o", surface)
     assert answer["friction"] == pytest.approx(MU, abs=0.1)
     assert answer["held_out_error_mm"] < 2.0
     assert "ellipsoid" in surface.read_text()
-    for spoiled in (words[:4], words[:2] + words[4:], [*words, "--pairs", str(table)]):
+
+
+def test_identify_command_motions_with_missing_or_other_options_is_refused(words):
+    for spoiled in (words[:4], words[:2] + words[4:], [*words, "--pairs", words[1]]):
         ended = called(main, *spoiled)
         assert (ended.code, ended.one_line) == (2, True)
-    table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
+
+
+def test_identify_command_too_few_motions_is_refused(words, tmp_path):
+    (tmp_path / "pushes.csv").write_text(HEADER + "\n" + "1,2,3,4,5,6,7\n" * 11)
     ended = called(main, *words)
     assert ended.code == 3
     assert "11 pushes; give at least 12" in ended.err

@@ -1,4 +1,4 @@
-"""Push logs and tables of pairs: pushes made up to known answers, and every way to spoil a file."""
+"""Push logs and tables of pairs: pushes of a known wrench and twist, and files spoiled in many ways."""
 
 import math
 import re
@@ -28,7 +28,7 @@ def pose_line(origin: np.ndarray, angle: float) -> str:
     return f"{x!r} {y!r} 9.5 {math.cos(angle / 2)!r} 0 0 {math.sin(angle / 2)!r}"
 
 
-def made_up_push(
+def push_record(
     twist: np.ndarray,
     face: str,
     force: np.ndarray,
@@ -36,7 +36,7 @@ def made_up_push(
     sideways: float = 0.0,
     slant: float = 0.3,
 ) -> str:
-    """A push in which the tip sticks to the block, which moves evenly with the twist, over the last 70 %."""
+    """A push record: the tip sticks to the block, which moves evenly by the twist in the last 70 %."""
     point = FACES[face][0]
     start, angle = np.array(place[:2]), place[2]
 
@@ -69,7 +69,7 @@ def log(*records: str) -> str:
 
 TWIST = np.array([4.0, -2.0, 0.12])
 FORCE = np.array([3.0, 0.8])
-LOG = log(made_up_push(TWIST, "left", FORCE))
+LOG = log(push_record(TWIST, "left", FORCE))
 
 
 def torque(point: np.ndarray, force: np.ndarray) -> float:
@@ -78,27 +78,27 @@ def torque(point: np.ndarray, force: np.ndarray) -> float:
 
 @pytest.mark.parametrize("place", [(500.0, 100.0, 0.7), (-30.0, 20.0, 3.1), (0.0, 0.0, -3.1)])
 @pytest.mark.parametrize("twist", [TWIST, np.array([3.0, 1.0, 0.0]), np.array([0.5, 0.1, -0.3])])
-def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
-    wrenches, twists = pushes.pairs(pushes.parse(log(made_up_push(twist, "left", FORCE, place))))
+def test_pairs_of_known_push_are_its_wrench_and_twist(place, twist):
+    wrenches, twists = pushes.pairs(pushes.parse(log(push_record(twist, "left", FORCE, place))))
     assert np.allclose(twists, [twist], atol=1e-9)
     expected = [*FORCE, torque(FACES["left"][0], FORCE)]
-    # The block moves along an arc, not quite a line.
+    # The block moves along an arc, not along a line.
     assert np.allclose(wrenches, [expected], atol=0.2)
 
 
-def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
+def test_tip_offset_is_estimated_from_faces_and_removed_from_pairs():
     motions = {"left": [4.0, -2.0, 0.1], "lower": [1.0, 5.0, -0.1], "long": [-3.0, -3.0, 0.2]}
 
     def record(sideways: float) -> list[pushes.Push]:
         records = [
-            made_up_push(np.array(twist), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant)
+            push_record(np.array(twist), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant)
             for face, twist in motions.items()
             for slant in (-0.8, 0.0, 0.8)
         ]
         return pushes.parse(log(*records))
 
     assert pushes.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
-    for sideways in (1.5, -0.7):  # found but for the weak pull to 0
+    for sideways in (1.5, -0.7):  # exact except for the weak pull to 0
         assert pushes.tip_offset(record(sideways)) == pytest.approx(sideways, rel=0.15)
     with_offset, without = (pushes.pairs(record(sideways))[0] for sideways in (1.5, 0.0))
     assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
@@ -125,22 +125,22 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("text", "problem"), MISTAKES.values(), ids=MISTAKES)
-def test_a_spoiled_log_is_refused_with_its_place_in_one_line(text, problem):
+def test_parse_spoiled_log_raises_with_its_place_in_one_line(text, problem):
     with refused_in_a_line(InputError, rf"^my\.txt: .*{re.escape(problem)}"):
         pushes.parse(text, "my.txt")
 
 
-def test_every_truncation_of_a_log_is_refused():
+def test_parse_any_truncated_log_raises():
     for count in range(len(LINES)):
         with pytest.raises(InputError):
             pushes.parse("\n".join(LINES[:count]))
 
 
-def test_a_push_without_motion_or_contact_is_refused():
-    still = log(made_up_push(TWIST, "left", FORCE), made_up_push(np.zeros(3), "left", FORCE))
+def test_pairs_push_without_motion_or_contact_raises():
+    still = log(push_record(TWIST, "left", FORCE), push_record(np.zeros(3), "left", FORCE))
     with pytest.raises(InputError, match=r"push 2 of 2: the block does not move"):
         pushes.pairs(pushes.parse(still))
-    loose = log(made_up_push(TWIST, "left", np.zeros(2)))
+    loose = log(push_record(TWIST, "left", np.zeros(2)))
     with pytest.raises(InputError, match=r"push 1 of 1: no force reading"):
         pushes.pairs(pushes.parse(loose))
 
@@ -148,7 +148,7 @@ def test_a_push_without_motion_or_contact_is_refused():
 HEADER = "fx_n,fy_n,tau_n_mm,vx_mm,vy_mm,omega_rad"
 
 
-def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
+def test_load_columns_in_any_order_reads_the_pairs(tmp_path):
     path = tmp_path / "pairs.csv"
     path.write_text(f"{HEADER},weight\n1,2,3,4,5,6,0.5\n-1,-2,-3,-4,-5,-6,2\n", encoding="utf-8")
     first = pushes.load(path)
@@ -178,7 +178,7 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
         (f"{HEADER},weight\n1,2,3,4,5,6,0", "pair 1: a wrench or twist is zero, a weight not"),
     ],
 )
-def test_a_spoiled_table_is_refused_with_its_place(tmp_path, text, problem):
+def test_load_spoiled_table_raises_with_its_place(tmp_path, text, problem):
     path = tmp_path / "my.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"my\.csv: ") as caught:

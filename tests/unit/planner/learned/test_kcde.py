@@ -1,4 +1,4 @@
-"""The kernel density estimate against its slow twin, and its promise about parts that are not touched."""
+"""The kernel density estimate: against its slow twin, and exact for parts that are not touched."""
 
 import math
 from typing import NamedTuple
@@ -23,20 +23,20 @@ class Rolled(NamedTuple):
     width_mm: np.ndarray
 
 
-def made_up(n, seed, radius=8.0):
-    """Outcomes that have nothing to do with mechanics."""
+def random_outcomes(n, seed, radius=8.0):
+    """Random outcomes, without any mechanics."""
     rng = np.random.default_rng(seed)
     return Rolled(random_poses(rng, n, radius), random_poses(rng, n, 5.0), rng.uniform(20, 40, n))
 
 
 def fitted(rolled, order=2):
-    """Fingers too long to miss."""
+    """An estimate for fingers so long that they never miss."""
     return Kcde.fit(rolled, rectangle(), LONG_JAWS, RHO, order)
 
 
 @pytest.mark.parametrize("n", [1, 2, 37, 1500])
 @pytest.mark.parametrize("reach", [0.3, 2.0, 40.0])
-def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
+def test_within_and_nearest_within_equal_a_linear_scan(n, reach):
     rng = np.random.default_rng(n)
     period = 20.0
     points = rng.uniform([-10, -10, -30], [10, 10, 30], (n, 3))
@@ -55,8 +55,8 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
 
 
 @pytest.mark.parametrize("order", [1, 2, 6])
-def test_draws_follow_the_exact_mixture(order):
-    rolled = made_up(4000, 1)
+def test_sample_follows_the_exact_mixture(order):
+    rolled = random_outcomes(4000, 1)
     model = fitted(rolled, order)
     rng = np.random.default_rng(2)
     for pose in [*random_poses(rng, 4, 8.0), np.array([30.0, 3.0, 0.0])]:
@@ -77,7 +77,7 @@ def test_draws_follow_the_exact_mixture(order):
         assert np.array_equal(drawn.width_mm, rolled.width_mm[drawn.source])
 
 
-def test_the_nearest_roll_outs_alone_count():
+def test_sample_draws_from_the_nearest_roll_outs_only():
     initial = np.zeros((1001, 3))
     initial[1000, 0] = 0.5  # as far as a bandwidth, behind a thousand others
     rolled = Rolled(initial, np.zeros((1001, 3)), np.full(1001, 21.0))
@@ -86,7 +86,7 @@ def test_the_nearest_roll_outs_alone_count():
     assert len(np.unique(drawn.source)) == NEIGHBOURS
 
 
-def test_parts_that_are_not_touched_stay_to_the_last_bit():
+def test_sample_untouched_parts_stay_exactly():
     part = simulator(rectangle())
     rng = np.random.default_rng(6)
     start = random_poses(rng, 3000, 38.0)
@@ -110,8 +110,8 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     assert np.any(verdict == STANDS_ON)
 
 
-def test_turns_that_nobody_can_tell_apart_make_no_difference():
-    model = fitted(made_up(3000, 11), order=3)
+def test_sample_pose_turned_by_the_symmetry_ends_turned():
+    model = fitted(random_outcomes(3000, 11), order=3)
     poses = random_poses(np.random.default_rng(12), 500, 8.0)
     turned = poses + np.array([0.0, 0.0, math.tau / 3])
     ours = model.sample(poses, np.random.default_rng(13))

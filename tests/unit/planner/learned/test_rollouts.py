@@ -1,4 +1,4 @@
-"""Roll-outs: an even cover of the region, the same whoever asks and rolls out, nested in radius and count."""
+"""Roll-outs: reproducible, nested in their number, and without effect beyond the fingers' reach."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def same(a, b):
 
 
 def rows_of(result, ring):
-    """Roll-outs that begin in a ring, one row each, in their order."""
+    """The roll-outs that begin in a ring: one row each, in their order."""
     distance = np.hypot(result.initial[:, 0], result.initial[:, 1])
     inside = (distance >= 5.0 * ring) & (distance < 5.0 * (ring + 1))
     columns = [result.initial, result.final, result.width_mm[:, None], result.status[:, None]]
@@ -39,7 +39,7 @@ def rows_of(result, ring):
 
 
 @pytest.mark.parametrize("outline", problems.OUTLINES.values(), ids=problems.OUTLINES)
-def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(outline):
+def test_within_reach_parts_beyond_it_stay_untouched(outline):
     part = problems.simulator(outline())
     radius = 1.1 * rollouts.farthest(part.outline, problems.JAWS)
     poses = problems.random_poses(np.random.default_rng(1), 4000, radius)
@@ -50,7 +50,7 @@ def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(outline):
     assert np.array_equal(rolled.poses, far)
 
 
-def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):
+def test_roll_outs_fewer_are_a_prefix_of_more_in_each_ring(part, small):
     more = roll_outs(part, SMALL["radius_mm"], 3 * SMALL["count"])
     for ring in range(2):
         few = rows_of(small, ring)
@@ -58,11 +58,11 @@ def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):
         assert len(rows_of(more, ring)) == pytest.approx(3 * len(few), abs=3)
 
 
-def test_threads_do_not_matter(part, small):
+def test_roll_outs_other_workers_is_identical(part, small):
     assert same(roll_outs(replace(part, workers=3), **SMALL), small)
 
 
-def test_only_what_the_squeeze_depends_on_seeds_it(part):
+def test_content_of_changes_with_mechanics_but_not_with_workers(part):
     points, weights = support(Pressure("boundary", 100), problems.rectangle())
     quartic = quartic_fit.fit_pressure(points, weights, radius_of_gyration(problems.rectangle()))
     others = [

@@ -49,14 +49,14 @@ def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.n
 
 
 def pressed_alone(rng: np.random.Generator) -> problems.ContactProblem:
-    """One random contact that its finger really pushes."""
+    """One random contact whose finger moves towards the part."""
     while True:
         problem = problems.random_contacts(rng, 1)
         if problems.goals(problem)[0][0] > 1e-3:
             return problem
 
 
-def test_one_contact_has_the_one_solution_of_the_lcp():
+def test_one_contact_solution_equals_the_lcp():
     rng = np.random.default_rng(1)
     for _ in range(100):
         problem = pressed_alone(rng)
@@ -71,10 +71,10 @@ def test_one_contact_has_the_one_solution_of_the_lcp():
 
 
 @pytest.mark.parametrize(("contacts", "count"), [(2, 200), (3, 300)])
-def test_contacts_in_closed_form_are_solved_where_all_press_and_only_there(contacts, count):
-    """Where no solution has all pressed the closed form says so; where one has, it finds one.
+def test_two_and_three_contacts_are_solved_only_where_all_press(contacts, count):
+    """If a solution presses all contacts, the closed form returns one; if none does, it returns `RAY`.
 
-    Three contacts are solved where all slide; where one sticks, its force would be beyond all bounds.
+    Three contacts are solved only where all slide; where one sticks, its force would exceed all bounds.
     """
     rng, outcomes = np.random.default_rng(2), []
     for k in range(count):
@@ -99,8 +99,8 @@ def test_contacts_in_closed_form_are_solved_where_all_press_and_only_there(conta
     assert 0.01 < np.mean(outcomes) < 0.95
 
 
-def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
-    """Whichever of closed form and Lemke's method answers: same verdict, and a motion of eqs 1-5."""
+def test_solve_one_to_three_contacts_agrees_with_lemke():
+    """The verdict is that of Lemke's method and the motion fulfils eqs 1-5, whichever method is used."""
     rng = np.random.default_rng(3)
     for k in range(300):
         problem = problems.random_contacts(rng, 1 + k % 3)
@@ -115,8 +115,8 @@ def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
             assert solve(*problems.lcp(problem))[0] == RAY
 
 
-def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
-    """Faces that overlap hold the part, whatever the friction; where they do not, the part turns."""
+def test_solve_flush_faces_hold_where_lemke_has_no_solution():
+    """Faces that overlap hold the part, whatever the friction; where they do not overlap, the part turns."""
     rng, verdicts = np.random.default_rng(5), list[int]()
     for _ in range(100):
         problem = problems.flush(rng)
@@ -129,8 +129,8 @@ def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
 
 
 @pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
-def test_a_step_ends_where_an_awaited_contact_touches(bend):
-    """The dense output runs through the Euler step's direction and the midpoint's end: a parabola."""
+def test_event_fraction_ends_where_an_open_contact_touches(bend):
+    """The dense output is a parabola: it starts along the Euler step and ends at the midpoint step."""
     contacts = problems.rows(problems.receding())
     contacts[["gap", "un", "ut"]][0] = 0.2, 0.0, 0.0
     first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])
@@ -141,7 +141,7 @@ def test_a_step_ends_where_an_awaited_contact_touches(bend):
 
 
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
-def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
+def test_event_fraction_ends_where_a_pressed_contact_slides_off(sense):
     contacts = problems.rows(problems.receding())
     contacts[["gap", "un", "ut", "fn", "low", "high"]][0] = 0.0, 0.0, 0.0, 1.0, -0.3, 0.3
     first, V = np.array([sense, 0.0, 0.0]), np.array([0.8 * sense, 0.0, 0.0])
@@ -150,7 +150,7 @@ def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.5])
-def test_a_diagonal_is_held_exactly_within_the_friction_angle(mu):
+def test_two_contacts_on_a_diagonal_hold_within_the_friction_angle(mu):
     limit = np.degrees(np.arctan(mu))
     assert closed_form(problems.jamming(limit - 0.01, mu))[0] == RAY
     status, V, forces = closed_form(problems.jamming(limit + 0.01, mu))

@@ -31,10 +31,10 @@ def hand_at(top: float, bottom: float, half: float = HALF) -> contacts.Hand:
 
 def matches(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
     """The contacts of two fingers that face each other."""
-    return found_by(hand_at(top, bottom), points, pose, margin)
+    return contacts_with(hand_at(top, bottom), points, pose, margin)
 
 
-def found_by(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
+def contacts_with(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
     """The contacts of a hand."""
     result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
     out = np.zeros(len(points), np.int64)
@@ -51,8 +51,8 @@ def scenes(seed: int, count: int, radius: float = 30.0):
         yield rng, place(outline, pose), pose
 
 
-def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
-    """A hand that pushes: its fingers look one way, and each is found as a single one in the middle is."""
+def test_find_fingers_side_by_side_equals_each_alone():
+    """Both fingers of a pushing hand face the same way; each has the contacts of a single finger."""
     rng, apart, near_both = np.random.default_rng(13), 5.0, 0
     for _, points, pose in scenes(5, 150):
         face = points[:, 1].max() - rng.uniform(0.0, 3.0)
@@ -60,7 +60,7 @@ def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
         def rows(middle: float, *centres: float, points=points, pose=pose, face=face):
             fingers = [contacts.Finger(1, x, face, 4.75, 27.5) for x in centres]
             hand = contacts.Hand(fingers[0], fingers[-1], len(centres))
-            met = found_by(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
+            met = contacts_with(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
             names = ["finger", "kind", "side", "vertex", "x", "y", "nx", "ny", "gap"]
             return sorted(tuple(round(each, 9) for each in row) for row in met[names].tolist())
 
@@ -72,7 +72,7 @@ def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
 
 
 @FINGERS
-def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(finger):
+def test_clearance_equals_distance_to_the_part_below_the_finger(finger):
     missed = 0
     strip = shapely.box(-HALF, -500.0, HALF, 500.0)
     for _, points, _ in scenes(2, 100):
@@ -88,8 +88,8 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
 
 
 @FINGERS
-def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
-    """By shapely: also where no vertex lies inside the finger, and where the finger lies inside the part."""
+def test_blocked_where_finger_and_part_share_area(finger):
+    """Also where no vertex lies inside the finger, and where the finger lies inside the part."""
     verdicts = set()
     for rng, points, _ in scenes(4, 150, radius=20.0):
         points = points * rng.choice([0.3, 1.0, 3.0])
@@ -104,8 +104,7 @@ def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
 
 
 @FINGERS
-def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
-    """However the part lies: no part is touched without a row that says so."""
+def test_find_at_first_touch_returns_a_contact_with_its_gap(finger):
     touched = 0
     for rng, points, pose in scenes(6, 150, radius=25.0):
         way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
@@ -122,7 +121,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
 
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
-    """Faces just before they touch; far apart where one passes by the part."""
+    """Faces of the fingers just before they touch; fully open where a finger passes by the part."""
     ways = [clearance.clearance(columns(points), f, f * 100.0, HALF) for f in (1, -1)]
     top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
     return top, -bottom
@@ -137,7 +136,7 @@ def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tu
     return leftmost[1] - rng.uniform(1.0, 8.0), -FAR
 
 
-def test_each_contact_is_a_pair_of_features_at_its_gap():
+def test_find_returns_pairs_of_features_at_their_gap():
     """The point lies on the part's boundary; from there, along the normal, the finger is one gap away."""
     kinds = []
     for rng, points, pose in scenes(7, 200, radius=20.0):
@@ -165,8 +164,8 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
     assert all(kinds.count(kind) > 5 for kind in (FACE, CORNER, END)), kinds
 
 
-def test_buffers_that_overflow_keep_the_nearest_contacts():
-    """A part with 30 teeth under the finger has more contacts than the buffers."""
+def test_find_full_buffer_keeps_the_nearest_contacts():
+    """A part with 30 teeth under the finger has more contacts than the buffer holds."""
     teeth = np.linspace(12.0, -12.0, 61)
     heights = np.where(np.arange(61) % 2 == 1, 10.0 + 0.01 * np.arange(61), 5.0)
     points = np.concatenate([[[-12.5, 0.0], [12.5, 0.0]], np.column_stack([teeth, heights])])
@@ -177,7 +176,7 @@ def test_buffers_that_overflow_keep_the_nearest_contacts():
 
 
 @FINGERS
-def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
+def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
     """A slanted edge just off the outer corner: one contact, at the corner, at the edge's distance."""
     face = finger * 20.0
     corner = np.array([HALF, face + finger * THICKNESS])
@@ -206,7 +205,7 @@ def meets(outline, pose, width_mm, jaws, share):
     return bool((before[:, 1] > top).any() or (before[:, 1] < top - width_mm).any())
 
 
-def test_first_contact_is_not_below_any_width_at_which_jaws_meet_a_part(job):
+def test_first_contact_mm_is_at_least_any_width_that_meets_a_part(job):
     outline = job.part.outline_mm
     poses = initial(job, 60, np.random.default_rng(5))
     jaws, shares = jaws_of(job.gripper), (0.4, 0.6)

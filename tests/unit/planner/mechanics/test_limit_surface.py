@@ -25,7 +25,7 @@ def cost(A: np.ndarray, F: np.ndarray, V: np.ndarray) -> float:
     return total
 
 
-def test_turning_on_the_spot_matches_the_closed_forms_of_ring_and_disc():
+def test_wrenches_of_spinning_ring_and_disc_equal_closed_forms():
     ring = regular_polygon(720, 20.0)
     spin = np.array([[0.0, 0.0, -1.0]])
     rho = 20.0 / math.sqrt(2)
@@ -36,7 +36,7 @@ def test_turning_on_the_spot_matches_the_closed_forms_of_ring_and_disc():
 
 
 @pytest.mark.parametrize("kind", ["boundary", "uniform"])
-def test_each_wrench_dissipates_most_under_its_own_twist(kind):
+def test_wrenches_dissipate_most_under_their_twist(kind):
     """Maximum dissipation, and with it convexity: no other wrench of the surface does more work."""
     F = limit_surface.wrenches(*support(Pressure(kind, 100), rectangle()), RHO, TWISTS)
     power = TWISTS @ F.T
@@ -45,7 +45,7 @@ def test_each_wrench_dissipates_most_under_its_own_twist(kind):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_fit_recovers_an_ellipsoid_from_its_own_pairs(seed):
+def test_fit_exact_pairs_of_an_ellipsoid_recovers_it(seed):
     rng = np.random.default_rng(seed)
     A = random_ellipsoid(rng)
     F = rng.normal(size=(60, 3))
@@ -65,7 +65,7 @@ def test_fit_is_the_least_squares_minimum():
         assert cost(A + step + step.T, F, TWISTS) > least
 
 
-def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid(job):
+def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
     """The authors' released fit: rho = 10.5711873 mm and the diagonal below.
 
     rho is a closed form and agrees to its last digit. The diagonal depends on the twists and weights of the
@@ -79,8 +79,8 @@ def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid(job):
     assert 6.0 < math.degrees(mean_twist_error(limit_surface.twist(surface.A, F), TWISTS)) < 8.0
 
 
-def test_the_ellipsoid_does_not_depend_on_the_place_of_the_frame():
-    """H of a force and its twist are the same, whichever point they are taken about."""
+def test_fit_ellipsoid_in_a_shifted_frame_is_the_same_surface():
+    """A force has the same H and the same twist, whichever point they refer to."""
     points, weights = support(Pressure("boundary", 100), rectangle())
     here = limit_surface.fit_ellipsoid(points, weights, RHO).A
     offset = np.array([7.0, -2.0])
@@ -95,7 +95,7 @@ def test_the_ellipsoid_does_not_depend_on_the_place_of_the_frame():
         assert np.allclose(at_offset, twist[:2])
 
 
-def test_samples_have_the_mean_and_the_variance_of_the_footnote():
+def test_wishart_draws_have_the_stated_mean_and_variance():
     A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 0.6]])
     dof, n = 100, 40_000
     draws = limit_surface.wishart(A, dof, np.random.default_rng(5), n)

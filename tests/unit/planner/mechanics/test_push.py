@@ -1,4 +1,4 @@
-"""Pushes with known answers, and what turning, mirroring or scaling the scene must not change."""
+"""Pushes with known results, and their invariance under turning and mirroring of the scene."""
 
 import math
 
@@ -34,7 +34,7 @@ def pushed(outline, built, mu, **options):
     return result
 
 
-def test_a_push_through_the_centre_carries_the_part_along():
+def test_push_through_the_centre_carries_the_part_along():
     pushes = paths([(-5.0, -11.5), (5.0, -11.5)], shift=(0.0, 20.0))
     for mu in (0.0, 0.5):
         result = pushed(rectangle(), pushes, mu)
@@ -42,8 +42,8 @@ def test_a_push_through_the_centre_carries_the_part_along():
         assert result.status[0] == STUCK
 
 
-def test_a_disc_slides_off_a_frictionless_finger_along_the_closed_form():
-    """Its centre follows the finger by d(phi)/ds = sin(phi) / R, phi between the push and the line to it."""
+def test_push_disc_by_frictionless_point_follows_the_closed_form():
+    """Its centre moves by d(phi)/ds = sin(phi) / R, phi being the angle of the push to the centre."""
     radius, way = 13.0, 6.0
     outline = regular_polygon(720, radius)
     for degrees in (10.0, 30.0, 50.0):
@@ -57,7 +57,7 @@ def test_a_disc_slides_off_a_frictionless_finger_along_the_closed_form():
         assert result.status[0] == (STUCK if np.hypot(*(expected - [way, 0.0])) < 10.0 else SLID)
 
 
-def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
+def test_push_part_in_a_cage_turns_about_the_pusher_centre():
     cage = [(-15.0, 3.0), (15.0, -3.0), (4.0, 10.5), (-4.0, -10.5), (-15.0, -3.0), (15.0, 3.0)]
     result = pushed(rectangle(), paths(cage, angle=1.0), 0.8)
     assert result.moved[0] == pytest.approx([0.0, 0.0, 1.0], abs=0.02)
@@ -65,8 +65,8 @@ def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
 
 
 @pytest.mark.parametrize("angle", [0.3, -0.3])
-def test_fingers_that_stick_take_the_part_where_they_go(angle):
-    """A centre far to the side: the wrench that it takes lies well within the friction cones."""
+def test_push_sticking_fingers_move_the_part_as_commanded(angle):
+    """The centre of rotation is so far to the side that the wrench lies well within the friction cones."""
     centre = (math.copysign(90.0, -angle), 0.0)
     pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=centre, angle=angle)
     result = pushed(rectangle(), pushes, 1.0)
@@ -75,7 +75,7 @@ def test_fingers_that_stick_take_the_part_where_they_go(angle):
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
-def test_turned_scenes_end_turned(mu):
+def test_push_turned_scene_ends_turned(mu):
     outline, angle = random_convex(np.random.default_rng(5), 6), 0.7
     pushes = random_paths(outline, np.random.default_rng(6), 40)
     other = Paths(*(turned(values, angle) if values.ndim > 1 else values for values in pushes))
@@ -94,8 +94,8 @@ def test_turned_scenes_end_turned(mu):
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
-def test_mirrored_scenes_end_mirrored(mu):
-    """The rectangle is its own mirror image, and so is its limit surface."""
+def test_push_mirrored_scene_ends_mirrored(mu):
+    """The rectangle and its limit surface equal their mirror images."""
     pushes = random_paths(rectangle(), np.random.default_rng(7), 40)
     flip = np.array([-1.0, 1.0])
     other = Paths(pushes.points * flip, pushes.centres * flip, -pushes.angles, pushes.shifts * flip)
@@ -103,8 +103,8 @@ def test_mirrored_scenes_end_mirrored(mu):
     assert result.moved == pytest.approx(straight.moved * [-1.0, 1.0, -1.0], abs=1e-6)
 
 
-def test_round_tip_slides_off_a_disc_along_the_closed_form():
-    """As a point does, with the sum of both radii for the disc's."""
+def test_push_disc_by_round_tip_follows_the_closed_form():
+    """The disc moves as before a point, with the sum of both radii in place of its radius."""
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
     along = np.array([math.cos(phi), math.sin(phi)])
     part = simulator(regular_polygon(720, radius))
@@ -117,7 +117,7 @@ def test_round_tip_slides_off_a_disc_along_the_closed_form():
 
 @pytest.mark.parametrize("mu", [0.1, 0.4])
 @pytest.mark.parametrize("outline", [right_triangle(), rectangle()])
-def test_round_tip_ends_where_the_twin_does(outline, mu):
+def test_push_by_round_tip_ends_where_the_twin_does(outline, mu):
     rng, tip = np.random.default_rng(5), 4.75
     part = simulator(outline)
     twin = Part(np.asarray(part.outline), part.surface.A, part.surface.rho_mm, mu, JAWS)
@@ -131,7 +131,7 @@ def test_round_tip_ends_where_the_twin_does(outline, mu):
 
 
 def beside(outline, rng, tip):
-    """A way of a round tip that touches an outline near a vertex and goes past it, or not."""
+    """A path of a round tip that touches an outline near a vertex and may slide past the vertex."""
     k = rng.integers(len(outline))
     start, end = outline[k], outline[(k + 1) % len(outline)]
     edge = (end - start) / math.hypot(*(end - start))
@@ -140,8 +140,8 @@ def beside(outline, rng, tip):
     return paths([place], shift=12.0 * inward + rng.uniform(-6.0, 6.0) * edge)
 
 
-def test_round_tips_never_end_inside_a_part():
-    """Past vertices, around concave outlines and along edges: the tip's whole disc stays outside."""
+def test_push_by_round_tip_never_ends_inside_the_part():
+    """The whole disc of the tip stays outside: past vertices, along edges and at concave outlines."""
     rng, tip = np.random.default_rng(8), 4.75
     for outline in (l_shape(), hexagon(), right_triangle()):
         part, ring = simulator(outline), shapely.Polygon(outline).buffer(tip + 0.01).exterior
@@ -157,8 +157,8 @@ def test_round_tips_never_end_inside_a_part():
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
 
 
-def test_fingers_end_a_push_as_their_corners_alone_do():
-    """Before a part much wider than the hand, whose edge only their four corners ahead can meet."""
+def test_push_by_hand_before_a_wide_part_equals_push_by_corners():
+    """The part is so much wider than the hand that only the four front corners of the fingers touch it."""
     plate, opening, way, n = rectangle() * 8.0, 30.0, 25.0, 20
     part, rng = simulator(plate), np.random.default_rng(5)
     poses = np.column_stack(
@@ -178,8 +178,8 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
 
 
 @pytest.mark.parametrize("share", [0.5, 0.6, 1.0])
-def test_fingers_that_close_unevenly_push_beside_the_middle(share):
-    """Of jaws half closed the upper finger has come so far down: where both stand, parts go along."""
+def test_push_by_hand_uneven_fingers_push_beside_the_middle(share):
+    """A part that lies midway between the unevenly closed fingers is carried straight along."""
     part, opening = simulator(rectangle(), JAWS._replace(upper_share=share)), 20.0
     upper = 0.5 * JAWS.opening_mm - share * 65.0
     lower = -0.5 * JAWS.opening_mm + (1.0 - share) * 65.0

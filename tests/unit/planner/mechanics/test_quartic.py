@@ -1,4 +1,4 @@
-"""Convex quartics: Euler's identities, certificates, fits to known loads, and draws that stay convex."""
+"""Convex quartics: Euler's identities, certificates, fits to known loads, and samples that stay convex."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def fitted(load):
     return quartic_fit.fit_pressure(*load, RHO)
 
 
-def test_an_ellipsoid_squared_has_its_value_and_gradient():
+def test_of_ellipsoid_has_the_squared_value_and_its_gradient():
     rng = np.random.default_rng(0)
     A, F = random_ellipsoid(rng), rng.normal(size=(20, 3))
     surface = quartic.of_ellipsoid(A, 10.0)
@@ -41,7 +41,7 @@ def test_an_ellipsoid_squared_has_its_value_and_gradient():
     assert np.allclose(surface.twist(F), limit_surface.twist(A, F), atol=1e-12)
 
 
-def test_eulers_theorem_makes_the_quartic_a_local_ellipsoid(fitted):
+def test_quartic_is_a_local_ellipsoid_by_eulers_theorem(fitted):
     """F . grad H = 4 H and hess H F = 3 grad H: so V = s A(F) F with A(F) = hess H / 3, positive definite."""
     F = np.random.default_rng(1).normal(size=(50, 3))
     gradient = fitted.gradient(F)
@@ -52,7 +52,7 @@ def test_eulers_theorem_makes_the_quartic_a_local_ellipsoid(fitted):
         assert np.allclose(limit_surface.twist(A, f), v, atol=1e-12)
 
 
-def test_gradient_and_hessian_are_derivatives(fitted):
+def test_gradient_and_hessian_equal_finite_differences(fitted):
     F = np.random.default_rng(2).normal(size=(10, 3))
     for k, e in enumerate(1e-5 * np.eye(3)):
         slope = (fitted.value(F + e) - fitted.value(F - e)) / 2e-5
@@ -61,7 +61,7 @@ def test_gradient_and_hessian_are_derivatives(fitted):
         assert np.allclose(hessian(fitted, F)[:, k], slopes, rtol=1e-6, atol=1e-6)
 
 
-def test_the_certificate_is_the_hessian_and_positive_definite(fitted):
+def test_certificate_of_fit_is_the_hessian_and_positive_definite(fitted):
     rng = np.random.default_rng(3)
     z, F = rng.normal(size=(2, 40, 3))
     y = np.einsum("ka,ki->kai", z, F).reshape(-1, 9)
@@ -73,7 +73,7 @@ def test_the_certificate_is_the_hessian_and_positive_definite(fitted):
     assert not fitted.coefficients.flags.writeable
 
 
-def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
+def test_fit_pressure_predicts_twists_better_than_the_ellipsoid(load, fitted):
     F = limit_surface.wrenches(*load, RHO, TWISTS)
     even = limit_surface.fit_ellipsoid(*load, RHO)
     ellipsoid = mean_twist_error(limit_surface.twist(even.A, F), TWISTS)
@@ -81,7 +81,7 @@ def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
     assert np.abs(fitted.value(F) - 1).max() < 0.2
 
 
-def test_a_fit_recovers_a_quartic_from_its_own_pairs():
+def test_fit_exact_pairs_of_a_quartic_recovers_it():
     rng = np.random.default_rng(5)
     truth = quartic.of_ellipsoid(random_ellipsoid(rng), 10.0)
     mixed = truth.certificate + quartic.of_ellipsoid(random_ellipsoid(rng), 10.0).certificate
@@ -95,7 +95,7 @@ def test_a_fit_recovers_a_quartic_from_its_own_pairs():
     assert mean_twist_error(result.twist(F), V) < 1e-3
 
 
-def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
+def test_fit_pressure_is_the_minimum_among_convex_quartics(load, fitted):
     """No mixture with another convex quartic fits better: convex combinations stay in the feasible set."""
     F = limit_surface.wrenches(*load, RHO, TWISTS)
 
@@ -112,7 +112,7 @@ def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
         assert cost(0.99 * fitted.coefficients + 0.01 * other) > least - 1e-6 * len(F)
 
 
-def test_what_is_not_convex_is_not_certified(fitted):
+def test_certifies_nonconvex_quartic_is_refused(fitted):
     bent = coefficients_of(np.diag([0.0, 1, 0, 0, 0, 0, 0, 0, 0]))  # fx^2 fy^2 is not convex
     assert least_curvature(bent, TWISTS) < 0
     for Q in (fitted.certificate, quartic_form.gram(bent)):
@@ -131,7 +131,7 @@ def drawn(surface, dof, n, seed):
     return np.linalg.lstsq(quartic_form.monomials(F), values.T, rcond=None)[0].T
 
 
-def test_samples_of_an_ellipsoid_squared_are_those_of_the_ellipsoid_squared():
+def test_sample_of_squared_ellipsoid_equals_squared_wishart_draws():
     A = np.round(random_ellipsoid(np.random.default_rng(3)), 6)
     squared = quartic.of_ellipsoid(A, 10.0)
     coefficients = drawn(squared, 12, 50, 11)
@@ -143,7 +143,7 @@ def test_samples_of_an_ellipsoid_squared_are_those_of_the_ellipsoid_squared():
 
 
 @pytest.mark.parametrize("dof", [3, 12, 100])
-def test_samples_are_convex_at_any_degrees_of_freedom(fitted, dof):
+def test_sample_with_any_degrees_of_freedom_is_convex(fitted, dof):
     coefficients = drawn(fitted, dof, 100, 12)
     for row in coefficients:
         assert least_curvature(row, TWISTS) > -1e-9 * np.abs(row).max()

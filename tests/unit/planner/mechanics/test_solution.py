@@ -1,4 +1,4 @@
-"""A step laid open: what the solver returns fulfils the paper's eqs 3-5, contact by contact."""
+"""One step of the solver: its result fulfils the paper's eqs 3-5 at each contact."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ RHO = 10.57
 
 
 def stepped(pose, surface, friction):
-    """Status, touching contacts, friction of each, and displacement of a step from the first touch on."""
+    """Status, touching contacts, their friction, and displacement of a step from the first touch."""
     columns = np.ascontiguousarray(place(rectangle(), pose).T)
     half, thickness = 0.5 * JAWS.length_mm, JAWS.thickness_mm
     faces = (side * (100.0 - clearance(columns, side, side * 100.0, half)) for side in (1, -1))
@@ -38,7 +38,7 @@ def stepped(pose, surface, friction):
 
 
 def violations(met, mu, V):
-    """Of eqs 3 to 5, at each contact; at most 0 for an exact solution."""
+    """Violations of eqs 3 to 5 at each contact; at most 0 for an exact solution."""
     nx, ny, fn, ft = met["nx"], met["ny"], met["fn"], met["ft"]
     slack = met["gap"] - met["un"] + nx * V[0] + ny * V[1] + met["n2"] * V[2]
     slip = nx * V[1] - ny * V[0] + met["t2"] * V[2] - met["ut"]
@@ -55,7 +55,7 @@ def violations(met, mu, V):
 @pytest.mark.parametrize(
     "surface", [A, quartic.of_ellipsoid(A, RHO).hessian_table()], ids=["ellipsoid", "quartic"]
 )
-def test_solutions_fulfil_complementarity_and_coulombs_law(surface):
+def test_solve_surface_fulfils_complementarity_and_coulombs_law(surface):
     rng = np.random.default_rng(3)
     solved = pressed = 0
     for _ in range(300):

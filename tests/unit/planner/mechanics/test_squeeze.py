@@ -1,4 +1,4 @@
-"""Whole squeezes with an answer known beforehand: jams, pushes, symmetries, statuses, determinism."""
+"""Whole squeezes with a known result: jams, pushes, symmetries, statuses, determinism."""
 
 import math
 from dataclasses import replace
@@ -35,15 +35,15 @@ def squeeze(simulator, poses, mu=0.5):
 
 
 def tilted(off_axis_deg):
-    """Pose of the rectangle, centred, whose diagonal is that far from the closing axis."""
+    """Pose of the centred rectangle whose diagonal is that far from the closing axis."""
     return [0.0, 0.0, math.pi / 2 - DIAGONAL + math.radians(off_axis_deg)]
 
 
 # Jams.
 
 
-def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch():
-    """Between two lugs a finger's end wedges; alone it pushes the part on, it is not held."""
+def test_squeeze_finger_in_a_notch_moves_the_part_until_both_touch():
+    """A finger that is wedged between two lugs pushes the part on; alone it does not hold the part."""
     half = [(16.25, 3.375), (11.5, 3.375), (11.5, 3.05), (8.5, 3.05), (8.5, 2.5)]
     half += [(-x, y) for x, y in reversed(half)]
     lugs = np.array([*half, *((-x, -y) for x, y in half)])
@@ -57,8 +57,8 @@ def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch(
         assert lowest_mm < -0.5 * width_mm + 0.01, "the lower finger touches nothing"
 
 
-def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
-    """A finger's corner that is a little inside the shaft still stands on the shoulder beside it."""
+def test_squeeze_finger_in_a_shoulder_corner_is_rarely_given_up():
+    """The corner of a finger that is slightly inside the shaft still stands on the shoulder beside it."""
     shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
     head = [(-11.5, 8.45), (-20.8, 8.45), (-20.8, -8.45), (-11.5, -8.45)]
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
@@ -71,8 +71,8 @@ def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
 
 @pytest.mark.parametrize("mu", [0.1, 0.3, 0.65])
 @pytest.mark.parametrize("side", [1, -1])
-def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
-    """Off the closing axis by up to atan(mu): jammed where it lies; by more: it turns until flush."""
+def test_squeeze_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu, side):
+    """Up to atan(mu) off the closing axis the part jams where it lies; beyond, it turns until flush."""
     limit = math.degrees(math.atan(mu))
     inside, outside = tilted(side * (limit - 0.2)), tilted(side * (limit + 0.2))
     poses, widths, statuses = squeeze(simulator(rectangle(), LONG_JAWS), [inside, outside], mu)
@@ -84,8 +84,8 @@ def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
     assert widths[1] < widths[0] - 0.1
 
 
-def test_a_rectangle_that_turns_while_jaws_close_jams_no_earlier_than_the_friction_angle():
-    """Squeezed from anywhere, whatever is jammed on a diagonal lies within atan(mu) of the axis."""
+def test_squeeze_turning_rectangle_jams_only_within_atan_mu():
+    """From any initial pose, a part that jams has its diagonal within atan(mu) of the axis."""
     poses = random_poses(np.random.default_rng(1), 300, 10.0)
     final, widths, statuses = squeeze(simulator(rectangle(), LONG_JAWS), poses, 0.3)
     jammed = np.array(statuses) == "jammed"
@@ -100,7 +100,7 @@ def test_a_rectangle_that_turns_while_jaws_close_jams_no_earlier_than_the_fricti
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
+def test_squeeze_without_friction_ends_at_a_local_minimum_width(seed):
     """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
     rng = np.random.default_rng(seed)
     outline = random_convex(rng, int(rng.integers(4, 9)))
@@ -116,11 +116,8 @@ def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
 
 
 def lowest_nearby(outline, axis):
-    """Least width within a degree of that axis: the floor of the valley, if the axis is in one."""
+    """The least width within a degree of an axis."""
     return min(width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
-
-
-# One contact.
 
 
 # Symmetries.
@@ -136,7 +133,7 @@ def mirrored(part):
 
 
 @pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
-def test_squeeze_mirrored_or_seen_from_the_other_side_of_the_hand_ends_so(name):
+def test_squeeze_mirrored_or_half_turned_scene_ends_likewise(name):
     part, poses = simulator(OUTLINES[name]()), random_poses(np.random.default_rng(2), 40, 12.75)
     half_turn = np.array([0.0, 0.0, math.pi])
     final, widths, statuses = squeeze(part, poses)
@@ -151,15 +148,15 @@ def test_squeeze_mirrored_or_seen_from_the_other_side_of_the_hand_ends_so(name):
 
 
 @pytest.mark.parametrize("step_mm", [0.05, 0.4])
-def test_a_part_thinner_than_a_step_is_caught_all_the_same(step_mm):
-    """30 x 0.15 mm between fingers that close by up to 0.8 mm a step: flat it is held at its thickness."""
+def test_squeeze_part_thinner_than_a_step_is_grasped(step_mm):
+    """A part of 30 x 0.15 mm, while fingers close by up to 0.8 mm a step, is held flat."""
     part = simulator(sliver(), step_mm=step_mm)
     _, widths, statuses = squeeze(part, [[0.0, 5.0, 0.0], [2.0, -3.0, math.pi], [0.0, 0.0, 0.1]])
     assert statuses == ["grasped"] * 3
     assert np.allclose(widths, 0.15, atol=0.02)
 
 
-def test_results_do_not_depend_on_the_number_of_workers():
+def test_roll_out_other_workers_is_identical():
     part = simulator(l_shape())
     poses = random_poses(np.random.default_rng(5), 600, 12.75)
     parameters = part.sample(600, np.random.default_rng(6))
@@ -169,7 +166,7 @@ def test_results_do_not_depend_on_the_number_of_workers():
 
 
 @pytest.mark.parametrize("name", ["rectangle", "butterfly", "ellipse", "hexagon"])
-def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
+def test_roll_out_scaled_scene_has_the_same_statuses(name):
     part = simulator(OUTLINES[name]())
     small = replace(
         part,
@@ -185,6 +182,3 @@ def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
     alike = np.abs(10.0 * tiny.width_mm - large.width_mm) < 0.05
     assert alike.mean() > 0.9
     assert np.mean(tiny.status[alike] == large.status[alike]) > 0.985
-
-
-# Steps.

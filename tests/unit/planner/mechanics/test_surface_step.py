@@ -1,4 +1,4 @@
-"""The step with either limit surface: the quartic of an ellipsoid is that ellipsoid, fixed points hold."""
+"""Squeezes with ellipsoids and quartics as limit surfaces, with releases and with a fixed finger."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(job):
         np.testing.assert_allclose(A @ F, form.gradient(F), atol=1e-12)
 
 
-def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(job, poses):
+def test_roll_out_of_mixed_surfaces_equals_each_part_alone(job, poses):
     doubting = job.replaced(pressure={"limit_surface": "any"}, doubt={"chance": 1.0})
     simulator, rng = Simulator.of_job(doubting, workers=1), np.random.default_rng(6)
     traits = believed(doubting, len(poses), rng).traits
@@ -44,7 +44,7 @@ def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(jo
         assert alone.width_mm[0] == rolled.width_mm[k]
 
 
-def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(job, poses):
+def test_roll_out_quartic_of_ellipsoid_ends_as_the_ellipsoid(job, poses):
     plain = Simulator.of_job(job, workers=1)
     same = quartic.of_ellipsoid(plain.surface.A, plain.surface.rho_mm)
     both = np.zeros((len(poses), 6, 6))
@@ -57,7 +57,7 @@ def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(job, p
     np.testing.assert_array_equal(b.status, a.status)
 
 
-def test_a_release_moves_held_parts_only_and_by_what_the_job_says(job, poses):
+def test_roll_out_release_moves_held_parts_only_and_as_stated(job, poses):
     released = job.replaced(release={"shift_mm": 0.5, "turn_deg": 2.0})
     simulator = Simulator.of_job(released, workers=1)
     far = np.concatenate([poses, poses + np.array([100.0, 0.0, 0.0])])
@@ -70,7 +70,7 @@ def test_a_release_moves_held_parts_only_and_by_what_the_job_says(job, poses):
     assert offset[: len(poses), 2].std() == pytest.approx(np.radians(2.0), rel=0.2)
 
 
-def test_a_finger_that_sticks_lets_the_other_do_all_the_closing(job):
+def test_roll_out_finger_share_of_zero_leaves_closing_to_the_other(job):
     uneven = job.replaced(gripper={"upper_finger_share": 0.0})
     simulator = Simulator.of_job(uneven, workers=1)
     rolled = simulator.roll_out(np.zeros((1, 3)), simulator.nominal(1, 0.5))

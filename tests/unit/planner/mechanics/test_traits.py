@@ -1,4 +1,4 @@
-"""Deviations of outlines, and squeezes of parts that have them."""
+"""Deviations of outlines, and squeezes of parts with such deviations."""
 
 import numpy as np
 import problems
@@ -12,7 +12,7 @@ from planner.part.outline import grown, offsets
 
 
 @pytest.mark.parametrize("name", OUTLINES)
-def test_an_outline_grown_by_a_little_has_the_area_of_its_rim_more(name):
+def test_offsets_grow_the_area_by_the_perimeter(name):
     outline, mm = OUTLINES[name](), 1e-4
     polygon = shapely.Polygon(outline)
     more = shapely.Polygon(outline + mm * offsets(outline)).area - polygon.area
@@ -20,7 +20,7 @@ def test_an_outline_grown_by_a_little_has_the_area_of_its_rim_more(name):
     assert grown(outline, 0.0) == pytest.approx(outline, abs=1e-9)
 
 
-def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():
+def test_roll_out_deviating_part_equals_a_part_drawn_so():
     n, rng = 300, np.random.default_rng(1)
     part = problems.simulator(problems.rectangle())
     poses = np.column_stack([rng.uniform(-8, 8, (n, 2)), rng.uniform(-np.pi, np.pi, n)])

@@ -1,4 +1,4 @@
-"""The sensorless plan's seconds are those of the table's model of time."""
+"""The sensorless plan takes the seconds of the table's timing model."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def one_squeeze_s(job: Job, width_mm: float) -> float:
     return timing_of(job).squeeze(visit).total_s
 
 
-def test_seconds_of_one_squeeze_are_the_models(job: Job) -> None:
+def test_seconds_of_one_squeeze_equal_the_timing_model(job: Job) -> None:
     widths = np.array([[20.0], [20.0], [35.0]])
     expected = (2 * one_squeeze_s(job, 20.0) + one_squeeze_s(job, 35.0)) / 3
     assert seconds_of(job, np.zeros(1), widths) == pytest.approx(expected)

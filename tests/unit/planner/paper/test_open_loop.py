@@ -1,4 +1,4 @@
-"""The open-loop search on a line, where the best sequence can be found by trying all of them."""
+"""The open-loop search on a line, where all sequences can be tried."""
 
 import itertools
 import math
@@ -13,7 +13,7 @@ RNG_SEED = 11
 
 
 def wall(poses, _rng):
-    """A wall at the hand, pushed against from its far side: x beyond it comes to lie on it."""
+    """A squeeze that acts as a wall at the hand: parts at x > 0 move to x = 0."""
     moved = poses.copy()
     moved[:, 0] = np.minimum(moved[:, 0], 0.0)
     return moved
@@ -52,7 +52,7 @@ def search_of(placements, depth, collides=nowhere):
 
 
 def best_by_trial(search, poses):
-    """All sequences, shorter first, then by action: the first of the largest ratio among those not pruned."""
+    """The first sequence of the largest ratio that is not pruned: shorter ones come first."""
     result = ((), -np.inf)
     for length in range(1, search.depth + 1):
         for actions in itertools.product(range(len(search.placements)), repeat=length):
@@ -68,21 +68,21 @@ def best_by_trial(search, poses):
     return result
 
 
-def found_by(search, poses):
+def searched(search, poses):
     return search.search(poses, np.random.default_rng(RNG_SEED))
 
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("depth", [1, 2, 3])
-def test_search_finds_what_trying_everything_finds(seed, depth, monkeypatch):
+def test_search_equals_the_best_of_all_sequences(seed, depth, monkeypatch):
     rng = np.random.default_rng(seed)
     placements = [(left if rng.random() < 0.5 else right)(rng.uniform(0, 10)) for _ in range(4)]
     monkeypatch.setattr(open_loop, "ALPHA", rng.choice([0.0, ALPHA, 0.95]))
     search = search_of(placements, depth, beyond_reach)
-    best = found_by(search, line(0, 10))
+    best = searched(search, line(0, 10))
     assert (best.actions, best.ratio) == best_by_trial(search, line(0, 10))
 
 
-def test_of_equals_the_shortest_and_then_the_first_wins():
+def test_search_equal_ratios_prefers_the_shortest_then_the_first():
     search = search_of([left(9.0), left(1.0), left(1.0), right(0.0)], depth=3)
-    assert found_by(search, line(0, 10)).actions == (1,)
+    assert searched(search, line(0, 10)).actions == (1,)

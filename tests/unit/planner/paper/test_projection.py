@@ -1,4 +1,4 @@
-"""Projection onto subspaces: nearest by brute force, on the manifold, at rest there, for both surfaces."""
+"""Projection onto subspaces: to the nearest pose by brute force, and unchanged when repeated."""
 
 import math
 
@@ -37,7 +37,7 @@ def distance(a, b):
     return np.sqrt((a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2 + (RHO * turn) ** 2)
 
 
-def test_particles_move_to_the_nearest_pose_of_their_subspace(case):
+def test_project_moves_to_the_nearest_pose_of_the_subspace(case):
     ends, label, projection = case
     particles, asked = shaken(ends[:400]), label[:400]
     projected = projection.project(particles, asked)
@@ -50,14 +50,14 @@ def test_particles_move_to_the_nearest_pose_of_their_subspace(case):
         assert distance(end, ends[label == k]).min() < 1e-9
 
 
-def test_projecting_twice_is_projecting_once(case):
+def test_project_twice_equals_once(case):
     ends, label, projection = case
     once = projection.project(shaken(ends), label)
     twice = projection.project(once, label)
     assert np.array_equal(twice, once)
 
 
-def test_a_pose_at_the_seam_is_near_its_neighbour_beyond_it():
+def test_project_pose_at_the_angle_seam_reaches_across_it():
     stored = np.array([[0.0, 0.0, math.pi - 1e-3], [0.0, 0.0, 1.5]])
     projection = Projection.fit(stored, np.ones(2, np.int64), RHO, 2)
     for angle in (1e-3, -1e-17, 0.0, math.pi, 7 * math.pi):
@@ -67,7 +67,7 @@ def test_a_pose_at_the_seam_is_near_its_neighbour_beyond_it():
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5, 6])
-def test_an_angle_just_below_a_period_is_stored_and_found(order):
+def test_project_angle_just_below_a_period_returns_its_pose(order):
     period = math.tau / order
     below = [np.nextafter(period, 0.0), period, -1e-300, np.nextafter(-period, 0.0), 3.0 * period]
     poses = np.array([[float(k), 0.0, angle] for k, angle in enumerate(below)])

@@ -1,4 +1,4 @@
-"""Algorithm 1 and its variants on a line, with models simple enough to know what must come out."""
+"""Algorithm 1 and its variants on a line, with models so simple that the results are known."""
 
 import math
 
@@ -20,7 +20,7 @@ HELD_MM, FREE_MM = 30.0, 10.0
 
 
 def reach(poses, rng):
-    """What lies within 3 mm of the hand is drawn to it, the rest stays; a little scatter."""
+    """Parts within 3 mm of the hand move to it, the others stay; all scatter a little."""
     moved = poses + 0.02 * rng.standard_normal(poses.shape) * [1.0, 1.0, 0.0]
     moved[np.abs(poses[:, 0]) < 3.0, 0] = 0.0
     return moved
@@ -69,7 +69,7 @@ def leaves_of(root):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_beliefs_are_conserved(roots, method):
+def test_plan_conserves_particles_and_probability(roots, method):
     for node in breadth_first(roots[method]):
         if node.children:
             assert sum(child.share for child in node.children) == pytest.approx(node.share)
@@ -78,7 +78,7 @@ def test_beliefs_are_conserved(roots, method):
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
-def test_sensorless_plans_never_branch(roots):
+def test_plan_sensorless_never_branches(roots):
     nodes = breadth_first(roots["sensorless"])
     assert all(len(node.children) == 1 for node in nodes[:-1])
     assert not nodes[-1].children
@@ -87,7 +87,7 @@ def test_sensorless_plans_never_branch(roots):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_cells_share_out_all_readings(seed):
+def test_nearest_observation_cells_cover_each_reading_once(seed):
     rng = np.random.default_rng(seed)
     subspace = rng.integers(0, 5, 300)
     centres = rng.uniform(0, 85, 5)
@@ -111,7 +111,7 @@ def cloud(n, spread, centre=(0.0, 0.0, 0.0), seed=3):
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 6])
-def test_average_of_a_tight_cloud_is_its_mean_whatever_turns_of_the_symmetry_it_is_seen_in(order):
+def test_singleton_of_turned_cloud_is_its_mean_up_to_symmetry(order):
     poses = cloud(400, [0.3, 0.2, 0.02], [4.0, -7.0, 0.1])
     turns = np.random.default_rng(5).integers(0, order, 400) * math.tau / order
     seen = poses + np.column_stack([np.zeros((400, 2)), turns])
@@ -119,7 +119,7 @@ def test_average_of_a_tight_cloud_is_its_mean_whatever_turns_of_the_symmetry_it_
     assert singleton(seen, order).ratio == singleton(poses, order).ratio > 0.99
 
 
-def test_printed_order_takes_a_half_turn_for_the_same_pose_also_where_it_is_not():
+def test_singleton_of_order_two_takes_half_turns_as_equal():
     poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]])
     assert singleton(poses, order=2).ratio == 1.0
     assert singleton(poses, order=1).ratio < 1.0
@@ -135,8 +135,8 @@ def test_printed_order_takes_a_half_turn_for_the_same_pose_also_where_it_is_not(
         ((0, 0, math.pi + math.radians(4.99)), True),
     ],
 )
-def test_the_box_is_the_tolerances(offset, inside):
+def test_singleton_ratio_counts_poses_within_the_tolerances(offset, inside):
     reference = np.array([1.0, 2.0, 3.0])
-    among = 10_000  # so many that one more does not move the average
+    among = 10_000  # so many poses that one more does not move the average
     poses = np.concatenate([np.tile(reference, (among, 1)), reference[None] + offset])
     assert singleton(poses, order=2).ratio == (among + inside) / (among + 1)

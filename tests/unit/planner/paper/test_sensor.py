@@ -1,4 +1,4 @@
-"""The sensor model against geometry."""
+"""The sensor model: against simulated widths and against geometry."""
 
 import math
 
@@ -15,7 +15,7 @@ def widths():
     return sensor_model(known.poses, known.width_mm, order=2)
 
 
-def test_the_model_predicts_widths_it_never_saw(widths):
+def test_sensor_model_predicts_unseen_widths(widths):
     fresh = rolled(rectangle(), 6000, 30.0, seed=2)
     error = np.abs(widths(fresh.poses) - fresh.width_mm)
     # The encoder's noise is 0.15 mm and its counts are 0.37 mm wide.
@@ -23,7 +23,7 @@ def test_the_model_predicts_widths_it_never_saw(widths):
     assert np.quantile(error, 0.95) < 0.25
 
 
-def test_flush_grasps_and_jams_show_the_widths_that_geometry_says(widths):
+def test_sensor_model_flush_and_jammed_poses_have_geometric_widths(widths):
     # Between the fingers the rectangle at angle t is 30 |sin t| + 21 |cos t| wide; it rests flush, or jams
     # where friction holds it on a diagonal.
     for turn, width in ((0.0, 21.0), (math.pi / 2, 30.0), (math.pi - 0.95, math.hypot(30.0, 21.0))):

@@ -1,4 +1,4 @@
-"""Goldberg's squeeze function and plans: his theorems, and our simulator where his assumptions hold."""
+"""Goldberg's squeeze function and plans: his theorems, and the simulator where his assumptions hold."""
 
 import math
 
@@ -19,7 +19,7 @@ def outlines():
 
 
 def carried_out(outline, angles, rng):
-    """Angles of parts in the world after frictionless squeezes, by the squeeze function alone."""
+    """Angles of parts in the world after frictionless squeezes, from the squeeze function alone."""
     function = SqueezeFunction.of(outline)
     theta = rng.uniform(-4.0, 4.0, 300)
     for angle in angles:
@@ -36,7 +36,7 @@ def apart(angles, period):
     return np.abs(angles - period * np.round(angles / period))
 
 
-def test_the_squeeze_function_is_a_rising_staircase():
+def test_squeeze_function_is_a_rising_staircase():
     for outline in outlines():
         function = SqueezeFunction.of(outline)
         direction = np.linspace(-5.0, 5.0, 4001)
@@ -47,7 +47,7 @@ def test_the_squeeze_function_is_a_rising_staircase():
         assert function(direction + function.period) == pytest.approx(after + function.period)
 
 
-def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
+def test_plan_orients_any_part_up_to_the_symmetry_of_its_hull():
     rng = np.random.default_rng(2)
     for outline in outlines():
         result = plan(outline)
@@ -55,7 +55,7 @@ def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
         assert len(result.angles) <= 2 * len(convex_hull(outline)) - 1  # Goldberg's bound
 
 
-def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
+def test_plan_with_hand_errors_below_its_slack_still_orients():
     rng = np.random.default_rng(3)
     for outline in outlines()[:30]:
         result = plan(outline)
@@ -76,19 +76,19 @@ def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
         (problems.disc(), 180),
     ],
 )
-def test_periods_of_known_shapes(outline, degrees):
+def test_squeeze_function_of_known_shape_has_its_period(outline, degrees):
     assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
 
 
 def scalene():
-    """No edge is square to a chord: every equilibrium is stable or unstable, none is indifferent."""
+    """A polygon without an edge square to a chord, so that no equilibrium is indifferent."""
     return problems.random_convex(np.random.default_rng(6), 5)
 
 
 @pytest.mark.parametrize(
     "make", [problems.rectangle, scalene, problems.hexagon, problems.l_shape, problems.bar]
 )
-def test_our_simulator_ends_at_local_minima_without_friction(make):
+def test_roll_out_without_friction_ends_at_local_minima_of_width(make):
     outline, rng = make(), np.random.default_rng(4)
     model = problems.simulator(outline, jaws=problems.LONG_JAWS)
     frictionless = model.sample(400, rng)._replace(mu=np.zeros((400, 2)))
@@ -103,13 +103,13 @@ def test_our_simulator_ends_at_local_minima_without_friction(make):
 DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
 
 
-def test_it_is_the_extent_in_every_direction():
+def test_width_function_equals_the_extent_in_any_direction():
     for outline in outlines():
         expected = [width(outline, direction) for direction in DIRECTIONS]
         assert width_function(outline)(DIRECTIONS) == pytest.approx(expected, abs=1e-9)
 
 
-def test_extrema_lie_beyond_what_is_beside_them_between_least_width_and_diameter():
+def test_width_function_extrema_are_strict_and_include_the_bounds():
     for outline in outlines():
         function = width_function(outline)
         assert function(function.minima).min() == pytest.approx(min_width(outline))
@@ -119,11 +119,11 @@ def test_extrema_lie_beyond_what_is_beside_them_between_least_width_and_diameter
             assert np.all(function(function.maxima) > function(function.maxima + step))
 
 
-def test_textbook_shapes():
+def test_width_function_of_textbook_shapes_has_known_extrema():
     function = width_function(problems.rectangle())
     assert np.degrees(function.minima) == pytest.approx([0.0, 90.0])
     diagonal = math.degrees(math.atan2(21.0, 30.0))
     assert np.degrees(function.maxima) == pytest.approx([diagonal, 180.0 - diagonal])
-    # Of a right triangle the legs hold nothing: towards the hypotenuse the width only falls.
+    # The legs of a right triangle are no minima: the width falls on towards the hypotenuse.
     function = width_function(problems.right_triangle())
     assert np.degrees(function.minima) == pytest.approx([math.degrees(math.atan2(36.0, 26.0))])

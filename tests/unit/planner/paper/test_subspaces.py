@@ -1,4 +1,4 @@
-"""The subspaces of a part: the paper's four of the rectangle, merges, and the reject test."""
+"""The subspaces of a part: the four of the paper's rectangle, free space, and merged widths."""
 
 import math
 
@@ -16,8 +16,8 @@ def squeezed():
     return rolled(rectangle(), 12_000, 38.25, seed=2)
 
 
-def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
-    # Fig. 4: free space; grasped at the long edges; jammed between diagonal vertices; at the short edges.
+def test_subspaces_of_rectangle_are_the_four_of_the_paper(squeezed):
+    # Fig. 4: free space, grasps at the long edges, grasps at the short edges, jams between diagonal vertices.
     subspaces = subspaces_of(squeezed.width_mm, ENCODER)
     assert len(subspaces) == 4
     label = subspaces.label(squeezed.width_mm)
@@ -32,14 +32,14 @@ def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
 
 
 @pytest.mark.parametrize("width", [np.zeros(10), np.full(10, 26.0), np.zeros(0)])
-def test_free_space_is_first_whatever_else_there_is(width):
+def test_subspaces_of_any_widths_begin_with_free_space(width):
     subspaces = subspaces_of(width, ENCODER)
     assert np.array_equal(subspaces.label(np.zeros(3)), np.zeros(3))
     assert subspaces.size.sum() == len(width)
     assert len(subspaces) == 1 + bool(np.any(width > 0.0))
 
 
-def test_widths_that_the_encoder_cannot_tell_apart_are_one_subspace():
+def test_subspaces_of_widths_within_the_resolution_are_one():
     near = 0.5 * resolution_of(ENCODER).apart * ENCODER.mm_per_step
     for gap, subspaces in ((near, 2), (4.0 * near, 3)):
         width = np.repeat([40.0, 40.0 + gap], 1000)

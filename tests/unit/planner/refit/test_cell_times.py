@@ -1,4 +1,4 @@
-"""What seconds of a cell tell of it: the values that the seconds were made with."""
+"""Timing values of a cell, learned from the seconds of its squeezes."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ CELL = {"arm_acceleration_mm_s2": 750.0, "arm_answer_s": 0.021, "jaw_answer_s": 
 CELL["poll_s"] = 0.025
 
 
-def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
+def test_learned_recovers_the_timing_of_the_cell() -> None:
     root = small_table().nodes[0]
     narrow = root._replace(squeeze=root.squeeze._replace(opening_um=40_000))
     table = with_job(changed(small_table(), {"nodes.0": narrow}), '{"part":{"height_mm":16.0}}')
@@ -33,5 +33,5 @@ def _part(cell: Schedule, width: float) -> list[tuple]:
     return list(zip(result, range(2), cell.part(result), strict=True))
 
 
-def test_too_few_squeezes_teach_nothing() -> None:
+def test_learned_without_squeezes_is_empty() -> None:
     assert learned(small_table(), []) == {}

@@ -1,4 +1,4 @@
-"""The synthetic likelihood beside exact ones, of parts that show one of a few outcomes."""
+"""The synthetic likelihood against exact ones, for parts with a few possible outcomes."""
 
 import numpy as np
 import pytest
@@ -19,19 +19,19 @@ def shares(feature):
 
 
 def simulated(feature, rng, parts=PARTS):
-    """What two sets of parts in each cell show, (m, 2, parts, 1)."""
+    """Outcomes (m, 2, parts, 1) of two sets of parts in each cell."""
     ends = shares(feature).cumsum(axis=1)[:, None, None]
     return (rng.random((len(feature), 2, parts, 1, 1)) > ends[..., None, :]).sum(axis=-1)
 
 
 def learned(seen, rng, other=1, cells=300):
-    """From cells with a feature that counts, and others that do not."""
+    """The likelihood from cells with one feature that matters and `other` features that do not."""
     features = rng.uniform(-1.0, 1.0, (cells, 1 + other))
     return Likelihood.of(features, simulated(features[:, 0], rng), seen, len(seen))
 
 
 @pytest.mark.parametrize("first", [18, 30, 42])
-def test_it_is_the_exact_one_where_one_statistic_tells_all(first):
+def test_likelihood_with_one_sufficient_statistic_equals_the_exact(first):
     rng, at = np.random.default_rng(1), np.linspace(-1.0, 1.0, 9)
     seen = np.array([first, 60 - first, 40, 0], np.float64)
     exact = (seen * np.log(shares(at))).sum(axis=1)
@@ -41,7 +41,7 @@ def test_it_is_the_exact_one_where_one_statistic_tells_all(first):
     assert np.ptp(off) < 0.6
 
 
-def test_truths_are_as_likely_as_it_says():
+def test_likelihood_ratio_of_the_truth_is_chi_square_distributed():
     """Twice the log of the ratio of the best to the true cell is chi-square distributed (Wilks 1938)."""
     rng, at = np.random.default_rng(3), np.linspace(-1.5, 1.5, 61)[:, None]
     ratios = []
@@ -54,8 +54,8 @@ def test_truths_are_as_likely_as_it_says():
     assert np.mean(np.array(ratios) < 2.71) == pytest.approx(0.9, abs=0.09)
 
 
-def test_steps_on_a_line_tell_where_no_simulated_part_came():
-    """What is seen lies far from what most cells show; between 200 and 250 no part of theirs was."""
+def test_likelihood_on_a_line_extrapolates_beyond_simulated_parts():
+    """The readings lie far from those of most cells: no simulated part read between 200 and 250."""
     rng = np.random.default_rng(6)
     features = rng.uniform(-1.0, 1.0, (300, 1))
     at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))

@@ -1,4 +1,4 @@
-"""Outcomes of a cell's parts: counted alike from journals and from simulations."""
+"""Outcomes of the parts of a cell: counted alike from journals and from simulations."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from planner.refit.outcomes import Outcomes, Seen
 from runtime.table import predicted_pose
 
 
-def test_journals_and_simulated_parts_number_alike(job, table):
-    """Fingers meet 2 mm off; at two leaves all poses are measured, some off by half a turn of symmetry."""
+def test_outcomes_of_journal_and_simulation_are_equal(job, table):
+    """The fingers meet 2 mm off; at two leaves all poses are audited, a third of them half a turn off."""
     cells = Cells.of(job, table)
     values = {"middle_mm": 2.0, "finger_part_min": 0.4, "finger_part_max": 0.6}
     point = np.array([*(values.get(quantity.key, 0.0) for quantity in cells.space.quantities), 0.0])

@@ -1,4 +1,4 @@
-"""The posterior where the likelihood is known: what it draws has the moments of the exact one."""
+"""The posterior where the likelihood is known: its draws have the moments of the exact one."""
 
 from types import SimpleNamespace
 
@@ -18,13 +18,13 @@ from runtime.table import load
 TABLE = load(TABLE_PATH).table
 FRICTION = (Quantity(f"finger_part_{end}", 0.0, 1.0) for end in ("min", "max"))
 SPACE = Space((Quantity("encoder_mm", -3.0, 3.0), *FRICTION), surfaces=2)
-SIGMA, PARTS = np.array([0.05, 0.04, 0.04]), 100  # what so many parts tell, standard deviation
+SIGMA, PARTS = np.array([0.05, 0.04, 0.04]), 100  # standard deviations that so many parts leave
 LOW, SPAN = SPACE.bounds[0], np.ptp(SPACE.bounds, axis=0)
 SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
 
 
 class Plain:
-    """Each part reads three numbers, normal about the cell's, and a fourth that tells its surface."""
+    """Cells whose parts read three numbers, normal about the cell's values, and one for the surface."""
 
     space = SPACE
     program = SimpleNamespace(table=TABLE)
@@ -45,7 +45,7 @@ class Plain:
 
 
 def drawn(monkeypatch, truth, seed):
-    """What parts of a cell read in the mean, and cells of the posterior."""
+    """Values from the mean readings of a cell, its parts that read 100, and cells of the posterior."""
     run = Plain().run(truth, PARTS, 1000 + seed)
     counts = readings(run, TABLE)
     monkeypatch.setattr(refit, "DRAWN", 500)
@@ -59,7 +59,7 @@ def drawn(monkeypatch, truth, seed):
     )
 
 
-def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):
+def test_posterior_has_the_moments_of_the_exact_one(monkeypatch):
     measured, hundreds, cells = drawn(monkeypatch, np.array([1.2, 0.3, 0.7, 1.0]), 1)
     assert cells[:, :3].mean(axis=0) == pytest.approx(measured, abs=0.6 * SIGMA.max())
     spread = cells[:, :3].std(axis=0) / SIGMA
@@ -69,7 +69,7 @@ def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):
     assert np.mean(cells[:, 3] == 1.0) == pytest.approx(chances[1] / chances.sum(), abs=0.15)
 
 
-def test_ranks_of_the_truth_are_uniform(monkeypatch):
+def test_posterior_ranks_of_the_truth_are_uniform(monkeypatch):
     ranks = []
     for number, truth in enumerate(SPACE.draw(8, np.random.default_rng(5))):
         cells = drawn(monkeypatch, truth, number)[2]
@@ -79,7 +79,7 @@ def test_ranks_of_the_truth_are_uniform(monkeypatch):
     assert 0.75 < np.mean((pooled >= 0.05) & (pooled <= 0.95)) < 1.0
 
 
-def test_every_cell_drawn_is_possible_and_others_are_not(job):
+def test_space_draws_have_density_and_impossible_cells_have_none(job):
     uncertain = job.replaced(doubt={"encoder_gain": [0.0, 0.01]})
     space = Space.of(uncertain, 4)
     points = space.draw(2000, np.random.default_rng(1))

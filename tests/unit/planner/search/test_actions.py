@@ -1,4 +1,4 @@
-"""Where the open hand may be placed."""
+"""Grasp poses at which the open hand may be placed."""
 
 import numpy as np
 import problems
@@ -13,9 +13,14 @@ from planner.search.proposals import Proposals
 from planner.search.ranking import Ranking
 
 
+@pytest.fixture(scope="module")
+def job(job):
+    return job.replaced(actions={"proposals": "belief"})
+
+
 @pytest.mark.parametrize("name", ["rectangle", "L", "butterfly"])
 @pytest.mark.parametrize("least", [0.0, 0.5, 5.0])
-def test_free_placements_judge_as_the_least_clearance_does(name, least):
+def test_free_placements_agree_with_least_clearance(name, least):
     rng = np.random.default_rng(3)
     outline = problems.OUTLINES[name]()
     placements = problems.random_poses(rng, 60, 45.0)
@@ -28,7 +33,7 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     assert not free.all()
 
 
-def test_proposals_stand_about_the_main_modes_and_the_middle_along_each():
+def test_along_sides_places_proposals_about_modes_and_middles():
     metric = Metric(3.0, 10.0, 1)
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
     area = np.array([[-10.0, -10.0], [10.0, 10.0]])
@@ -41,13 +46,13 @@ def test_proposals_stand_about_the_main_modes_and_the_middle_along_each():
     assert len(actions.within(sides.about_modes)) == 2
 
 
-def test_middle_of_a_mode_at_whose_angle_no_state_lies_is_its_pose():
+def test_middle_of_mode_without_states_at_its_angle_is_its_pose():
     pose = np.array([1.0, 2.0, np.pi / 2])
     states = np.repeat([[3.0, 4.0, 0.0]], 5, axis=0)
     np.testing.assert_array_equal(middle_of(states, Mode(pose, 1.0)), pose)
 
 
-def test_candidates_where_open_jaws_at_the_mode_hit_a_part_stand_at_the_middle(job):
+def test_candidates_blocked_at_the_mode_are_placed_at_the_middle(job):
     problem = Problem.of(job, 1)
     x = np.concatenate([np.linspace(15.0, 55.0, 41), np.full(40, 55.0)])  # most lie at one end
     poses = np.column_stack([x, np.zeros((len(x), 2))])
@@ -58,8 +63,3 @@ def test_candidates_where_open_jaws_at_the_mode_hit_a_part_stand_at_the_middle(j
     assert len(across)
     outline, jaws = problem.mixture.outlines[0], problem.mixture.jaws
     assert all(least_clearance(outline, jaws, poses, grasp) > 0.0 for grasp in across)
-
-
-@pytest.fixture(scope="module")
-def job(job):
-    return job.replaced(actions={"proposals": "belief"})

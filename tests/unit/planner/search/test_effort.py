@@ -1,4 +1,4 @@
-"""Passes and efforts: what the search presupposes of their rows."""
+"""Passes and efforts: the properties of their rows on which the search relies."""
 
 import itertools
 
@@ -8,7 +8,7 @@ from planner.search.effort import EFFORTS, PASSES, REPAIR
 from planner.search.proposals import SCATTERED
 
 
-def test_passes_end_with_all_particles_and_no_pass_has_fewer_than_the_one_before():
+def test_passes_particles_never_fall_and_end_with_all():
     particles = [each.particles for each in PASSES]
     assert particles == sorted(particles)
     assert particles[-1] == REPAIR.particles == 1
@@ -16,7 +16,7 @@ def test_passes_end_with_all_particles_and_no_pass_has_fewer_than_the_one_before
     assert REPAIR.least == 0.0  # leaves that trials refute are expanded, however rare
 
 
-def test_passes_that_explore_continue_a_tree_of_as_many_particles():
+def test_passes_exploring_pass_equals_the_one_before_but_for_work():
     pairs = list(itertools.pairwise(PASSES))
     assert any(each.explores for each in PASSES)
     assert not PASSES[0].explores
@@ -24,12 +24,12 @@ def test_passes_that_explore_continue_a_tree_of_as_many_particles():
         assert not each.explores or before == each._replace(work=before.work, explores=False)
 
 
-def test_passes_differ_so_that_each_draws_particles_of_its_own():
-    """`Search.begin` seeds a pass with the place of the first one that is equal to it."""
+def test_passes_are_pairwise_different():
+    """`Search.begin` seeds a pass with its index, so that equal passes would draw the same particles."""
     assert [PASSES.index(each) for each in PASSES] == list(range(len(PASSES)))
 
 
-def test_efforts_fall_with_the_probability_and_one_fits_every_node():
+def test_efforts_fall_with_probability_and_cover_all_nodes():
     assert EFFORTS[-1].least == 0.0
     for more, less in itertools.pairwise(EFFORTS):
         assert more.least > less.least

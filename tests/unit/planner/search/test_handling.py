@@ -1,4 +1,4 @@
-"""Opening and release of a squeeze whose placement is chosen."""
+"""Opening and release of a squeeze at a given grasp pose."""
 
 import numpy as np
 import pytest
@@ -12,13 +12,13 @@ from planner.search.handling import LEAST_PARTICLES, SPARE_MM, Handling
 
 
 def held_at(job, centre):
-    """Outcomes of one cluster: a part held at 21 mm, its centre there."""
+    """Outcomes of one cluster: a part held at 21 mm whose middle lies at `centre`."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
     return Outcomes([Belief.of(np.tile([*centre, 0.1], (50, 1)), counts)], 21.0)
 
 
 @pytest.mark.parametrize("y", [0.0, 8.0, 18.0, 28.0])
-def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y):
+def test_opening_clearance_is_exact_and_ample_unless_fully_open(job, y):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
     opening, clearance, _ = Handling(job).opening(Belief.of(belief), placement)
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening)
@@ -26,26 +26,33 @@ def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y
     assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
 
 
-def test_opening_fingers_that_do_not_move_alike_is_full(job):
+def test_opening_uneven_fingers_is_full(job):
     belief = Belief.of(np.zeros((LEAST_PARTICLES, 3)))
     uneven = job.replaced(gripper={"upper_finger_share": 0.6})
     assert Handling(uneven).opening(belief, np.zeros(3))[0] == job.gripper.opening_mm
 
 
-def test_opening_leaves_just_the_room_that_is_needed(job):
-    poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
-    belief, placement = Belief.of(poses), np.zeros(3)
-    handling = Handling(job)
+@pytest.fixture
+def belief():
+    """As many particles as a narrow opening needs."""
+    return Belief.of(np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1)))
+
+
+def test_opening_many_particles_is_first_contact_plus_spare(job, belief):
+    handling, placement = Handling(job), np.zeros(3)
     opening, clearance, _ = handling.opening(belief, placement)
     assert opening == handling.contact_mm(belief, placement) + SPARE_MM
     assert SPARE_MM <= clearance < 2 * SPARE_MM
+
+
+def test_opening_after_a_push_or_with_few_particles_is_full(job, belief):
+    handling, placement = Handling(job), np.zeros(3)
     assert handling.opening(belief, placement, pushed=True)[0] == job.gripper.opening_mm
-    few = Belief.of(poses[1:])
-    assert handling.opening(few, placement)[0] == job.gripper.opening_mm
+    assert handling.opening(belief[1:], placement)[0] == job.gripper.opening_mm
 
 
 @pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
-def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
+def test_contact_mm_part_with_latent_error_is_greater(job, trait):
     poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), Handling(job)
     traits = as_planned(1)
     plain = handling.contact_mm(Belief.of(poses, traits=traits), placement)
@@ -53,7 +60,7 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
-def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
+def test_release_part_near_the_edge_is_moved_to_the_middle(job):
     handling, outcomes = Handling(job), held_at(job, (145.0, 0.0))
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])

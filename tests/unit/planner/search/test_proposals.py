@@ -1,4 +1,4 @@
-"""Hand placements relative to the part."""
+"""Proposals: hand placements relative to the part."""
 
 import numpy as np
 import problems
@@ -25,18 +25,18 @@ def job(job):
 
 
 def width(outline, angle):
-    """Between long parallel jaws at a hand angle."""
+    """The width of an outline between long parallel jaws at a hand angle."""
     return np.ptp(outline @ np.array([-np.sin(angle), np.cos(angle)]))
 
 
 @pytest.mark.parametrize("name", ["right triangle", "butterfly", "L", "ellipse", "hexagon"])
-def test_the_first_stable_angle_is_the_narrowest_of_all(name):
+def test_stable_angles_first_one_is_the_narrowest(name):
     outline = problems.OUTLINES[name]()
     widths = [width(outline, angle) for angle in np.radians(np.arange(0.0, 180.0, 0.25))]
     assert width(outline, stable_angles(outline)[0]) <= min(widths) + 0.2
 
 
-def test_proposals_turn_and_move_with_the_part(job):
+def test_placed_proposals_turn_and_move_with_the_part(job):
     (proposals,) = proposals_of(job)
     pose = np.array([3.0, -2.0, 0.7])
     seen = [to_hand(pose, placement) for placement in placed(proposals.relative, pose)]
@@ -46,7 +46,7 @@ def test_proposals_turn_and_move_with_the_part(job):
     np.testing.assert_allclose(np.cos(turn), 1.0)
 
 
-def test_every_proposed_finger_reaches_the_part(job):
+def test_proposals_of_job_place_both_fingers_within_reach(job):
     half, outline = 0.5 * job.gripper.finger_length_mm, job.part.outline_mm
     for x, y, angle in proposals_of(job)[0].relative:
         along = (outline - [x, y]) @ np.array([np.cos(angle), np.sin(angle)])
@@ -70,7 +70,7 @@ def test_stable_angles_of_a_turned_part_begin_with_the_first_one_turned(turn_deg
     assert wrap(there - first - turn, 2) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_proposals_off_centre_cover_a_share_of_the_part_from_either_end(job):
+def test_proposals_of_l_shape_off_centre_cover_given_shares(job):
     outline, half = problems.l_shape(), 0.5 * job.gripper.finger_length_mm
     skew = job.replaced(part={"outline_mm": outline.tolist(), "symmetry": "auto"})
     (proposals,) = proposals_of(skew)

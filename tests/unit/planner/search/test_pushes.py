@@ -1,4 +1,4 @@
-"""Pushes proposed from a belief: where they begin and end, and which are the best."""
+"""Pushes proposed from a belief: where they begin and end, and which are chosen."""
 
 import math
 
@@ -42,13 +42,13 @@ def belief(job):
 
 
 def read(belief: Belief) -> Belief:
-    """The same as after a squeeze, drawn out along x."""
+    """The belief as after a squeeze: with a reading, and stretched along x."""
     poses = belief.poses * np.array([1.0, 0.2, 0.05]) + np.array([7.0, -4.0, 0.8])
     return Belief.of(poses, np.full(len(belief), 100), belief.traits)
 
 
 def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: float = 0.0) -> int:
-    """Parts of a belief that fingers stand on which have come so far along their way, thinner by so much."""
+    """Number of parts under the fingers `along_mm` into a push; the fingers are thinner by `less_mm`."""
     ahead = np.array([math.cos(push.start[2]), math.sin(push.start[2]), 0.0])
     _, length, thickness, share = pusher.jaws
     jaws = Jaws(push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share)
@@ -58,18 +58,19 @@ def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: 
 
 
 @pytest.mark.parametrize("of", [lambda belief: belief, read], ids=["before a squeeze", "after one"])
-def test_pushes_begin_clear_of_a_belief_and_go_through_it(pusher, belief, of):
+def test_options_begin_clear_of_the_belief_and_go_through_it(pusher, belief, of):
     options = pusher.options(of(belief))
     assert options
     for push in options:
         assert under(pusher, of(belief), push, 0.0) == 0
-        assert push.opening_mm or under(pusher, of(belief), push, 3.0)  # open ones may pass beside
+        # Open fingers may pass beside the parts.
+        assert push.opening_mm or under(pusher, of(belief), push, 3.0)
         pushed = pusher.model.push(of(belief), push, np.random.default_rng(2))
         assert under(pusher, pushed, push, push.way_mm, less_mm=0.4) == 0
         assert np.any(pushed.poses != of(belief).poses)
 
 
-def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
+def test_push_keeps_readings_and_marks_the_belief_as_touched(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))
     assert set(belief.reading) == {UNREAD}
@@ -81,7 +82,7 @@ def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     assert again.traits is not None
 
 
-def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(problem, pusher, belief):
+def test_best_pushes_are_few_and_begin_clear_of_the_belief(problem, pusher, belief):
     rng, ranking = np.random.default_rng(7), Ranking(problem, actions_of(problem.job))
     finalists = pusher.best(belief, None, ranking, rng)
     assert 0 < len(finalists) <= FINALISTS
@@ -93,7 +94,7 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
         assert under(pusher, belief, pushes[0], 0.0) == 0
 
 
-def test_job_that_states_no_pushes_is_the_job_without_the_key(job):
+def test_job_with_pushes_none_equals_job_without_the_key(job):
     stated = job_file.load(JOB_PATH, {"actions": {"pushes": "none"}})
     assert stated.canonical() == job_file.load(JOB_PATH).canonical()
     assert Search(Problem.of(stated, 1), np.random.default_rng(0)).pusher is None
@@ -108,6 +109,6 @@ def test_job_that_states_no_pushes_is_the_job_without_the_key(job):
         ({**PUSHING, "search": {"method": "paper"}}, "which the paper's methods do not know"),
     ],
 )
-def test_jobs_that_cannot_push_are_refused(changes, reason):
+def test_load_contradictory_pushes_raises(changes, reason):
     with pytest.raises(InputError, match=reason):
         job_file.load(JOB_PATH, changes)

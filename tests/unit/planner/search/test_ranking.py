@@ -1,4 +1,4 @@
-"""The ranking of grasp poses by its kernel, against the same from branches, one belief at a time."""
+"""The ranking of grasp poses: its kernel equals a computation from branches, one belief at a time."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SORTED = {"goal": {"identify": False}}
 
 
 @pytest.mark.parametrize("changes", [{}, FACES, FACES | SORTED], ids=str)
-def test_judged_options_equals_the_heuristic_of_their_branches(changes):
+def test_judged_options_equal_the_heuristic_of_their_branches(changes):
     problem = Problem.of(job_file.load(GUSSET, changes), 1)
     rng, rule = np.random.default_rng(5), problem.rule
     traits = as_planned(120)

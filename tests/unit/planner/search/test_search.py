@@ -1,4 +1,4 @@
-"""The search against exhaustive enumeration in toy worlds, and what must hold of any tree that it grows."""
+"""The search equals exhaustive enumeration in toy worlds, and its trees keep their invariants."""
 
 import itertools
 from copy import deepcopy
@@ -28,7 +28,7 @@ EACH = 100  # particles at each place
 
 @dataclass(frozen=True)
 class Toy:
-    """Moves nothing; each angle reads a count that the place of the part determines."""
+    """A world in which parts do not move; the reading follows from the angle and the place of the part."""
 
     simulator: Mixture
     counts: np.ndarray  # (angles, places)
@@ -44,7 +44,7 @@ class Toy:
 
 
 def least_squeezes(counts, places):
-    """The least expected squeezes to tell equally likely places apart; infinite where none does."""
+    """The least expected squeezes that distinguish equally likely places; infinite if none do."""
     if len(places) == 1:
         return 0.0
     best = np.inf
@@ -82,13 +82,13 @@ def problem():
 
 @pytest.fixture(scope="module")
 def tree(problem):
-    """A tree of real squeezes."""
+    """A search and the tree that it grew from simulated squeezes."""
     belief = problem.belief(500, np.random.default_rng(2))
     return searched(problem, belief)
 
 
 def worlds():
-    """Counts (angles, places) of toy worlds that can be told apart."""
+    """Seeds and counts (angles, places) of toy worlds whose places can be distinguished."""
     for seed in itertools.count():
         counts = 90 + 40 * np.random.default_rng(seed).integers(0, 3, (len(ANGLES), len(PLACES)))
         if np.isfinite(least_squeezes(counts, range(len(PLACES)))):
@@ -105,7 +105,7 @@ def test_grow_toy_world_reaches_the_optimum_of_exhaustive_search(problem, seed, 
 
 
 def of_places_that_read_alike(max_depth):
-    """A problem in which all places but the first read alike, and what the search makes of it."""
+    """A problem in which all places but the first read alike, and the root of its tree."""
     problem = Problem.of(JOB.replaced(search={"max_depth": max_depth}), 1)
     counts = np.full((len(ANGLES), len(PLACES)), 100)
     counts[:, 0] = 180
@@ -114,7 +114,7 @@ def of_places_that_read_alike(max_depth):
     return problem, searched(replace(problem, model=toy, ahead=toy), belief)[1]
 
 
-def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know():
+def test_grow_places_that_read_alike_ends_in_an_unresolved_leaf():
     problem, root = of_places_that_read_alike(max_depth=2)
     known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
     assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
@@ -130,7 +130,7 @@ def test_grow_real_squeezes_turns_the_hand_by_a_quarter_turn_at_most(tree):
                 assert abs(turn) <= np.pi / 2 + 1e-9
 
 
-def test_grow_places_that_read_alike_follows_one_squeeze_that_gains_nothing():
+def test_grow_places_that_read_alike_follows_one_useless_squeeze():
     _, root = of_places_that_read_alike(max_depth=8)
     nodes = [root]
     for node in nodes:  # grows while it is walked
@@ -166,13 +166,13 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
         assert node.best is node.actions[0]
 
 
-def test_grow_exploring_pass_distrusts_the_cursory_pass_before_it(problem):
+def test_begin_exploring_pass_ignores_values_of_the_cursory_pass(problem):
     search = Search(problem, np.random.default_rng(1))
     frugal = search.begin(CURSORY, None)
     assert search.grow(frugal, lambda: False, lambda _: None)
     for action in frugal.actions:
         for child in action.children:
-            child.value = 2.5  # as if the second squeezes tried there were poor
+            child.value = 2.5  # as if the second squeezes tried were poor
     root = search.begin(FIRST, frugal)
     assert search.grow(root, lambda: False, lambda _: None)
     search.begin(EXPLORING, root)
@@ -197,7 +197,7 @@ def test_close_exploring_pass_cut_short_leaves_the_finished_plan(problem):
     assert root.value == pytest.approx(value)
 
 
-def test_reopen_dead_end_of_a_cursory_pass_is_searched_again(problem):
+def test_reopen_dead_end_is_searched_again(problem):
     search = Search(problem, np.random.default_rng(1), FIRST)
     root = search.begin(FIRST, None)
     assert search.grow(root, lambda: False, lambda _: None)
@@ -246,12 +246,12 @@ def test_absorb_parts_at_a_leaf_pose_leaves_the_plan_as_it_is(tree, problem):
 
 
 def read_at(root, count, size):
-    """Parts whose reading at the root is a count."""
+    """Parts that all read `count` at the root."""
     return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
 
 
 @pytest.mark.parametrize("size", [LEAST_STRAYS - 1, LEAST_STRAYS])
-def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tree, size):
+def test_absorb_enough_strays_far_from_branches_form_a_new_one(tree, size):
     search, root = deepcopy(tree)
     children, far = len(root.children), int(root.squeeze.clusters.low[-1]) - 40
     search.absorb(root, {}, {0: read_at(root, far, size)})

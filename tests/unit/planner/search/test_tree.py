@@ -7,7 +7,7 @@ from hand_grown import grown
 from planner.search.tree import breadth_first, pruned
 
 
-def test_pruned_branch_leaves_its_subtree_out_and_the_tree_as_it_was():
+def test_pruned_branch_is_left_out_and_the_tree_is_unchanged():
     root = grown()
     before = len(breadth_first(root))
     kept = pruned(root, [[1], [0, 1]])
