@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_tables import several_table, small_table, with_job
 
-from planner.export.write import FORMS, _text
+from planner.export.write import FORMS, PREFIX, _text
 from planner.job import model as job_file
 from runtime.commands.journal import _line
 from runtime.execution.asked import MAX_LINE
@@ -125,7 +125,7 @@ def test_output_control_characters_are_escaped(text: str) -> None:
     plain = replace(small_table(), tool=text, gripper=replace(unknown, model=text))
     for forms in FORMS.values():
         for name in forms:
-            exported = _text(name, TableFile(plain, b"", "ab" * 32))
+            exported = _text(name, TableFile(plain, b"", "ab" * 32), PREFIX)
             assert prints(exported.replace("\n", ""))
             usual = TableFile(replace(small_table(), gripper=unknown), b"", "ab" * 32)
-            assert exported.count("\n") == _text(name, usual).count("\n")
+            assert exported.count("\n") == _text(name, usual, PREFIX).count("\n")
