@@ -50,14 +50,14 @@ class ArmContract:
         yield result
         result.close()
 
-    def test_connecting_moves_nothing(self, rig: ArmRig) -> None:
+    def test_connect_moves_nothing(self, rig: ArmRig) -> None:
         """A new connection reports where the arm stands, and moves nothing."""
         with rig.open() as arm:
             assert isinstance(arm, ports.Arm)
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
         assert rig.moves == 0
 
-    def test_one_opened_for_reading_cannot_be_commanded(self, rig: ArmRig) -> None:
+    def test_arm_opened_read_only_refuses_commands(self, rig: ArmRig) -> None:
         """A read-only connection reads the pose, and refuses a motion with a ReadOnlyError."""
         with rig.open(read_only=True) as arm:
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
@@ -66,7 +66,7 @@ class ArmContract:
             arm.pose()
         assert rig.moves == 0
 
-    def test_a_move_ends_where_it_was_sent(self, rig: ArmRig) -> None:
+    def test_move_ends_at_its_target(self, rig: ArmRig) -> None:
         """The true position is the target to 0.001 mm, the reported pose to 0.011 mm and 0.003 rad."""
         rng = random.Random(1)
         with rig.open() as arm:
@@ -81,13 +81,13 @@ class ArmContract:
                 assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
                 assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
 
-    def test_nothing_is_known_against_a_short_way_in_the_middle(self, rig: ArmRig) -> None:
+    def test_obstacle_on_short_motion_in_work_area_is_none(self, rig: ArmRig) -> None:
         """For a short motion within the work area, `obstacle` reports none, and nothing moves."""
         with rig.open() as arm:
             assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
         assert rig.moves == 0
 
-    def test_a_move_is_over_when_the_call_returns(self, rig: ArmRig) -> None:
+    def test_move_is_over_when_the_call_returns(self, rig: ArmRig) -> None:
         """The arm is at rest when `move_linear` returns."""
         with rig.open() as arm:
             arm.move_linear((50.0, 0.0, 50.0, 1.0), 100.0)
@@ -96,7 +96,7 @@ class ArmContract:
             assert rig.truth() == here
 
     @pytest.mark.parametrize("bad", [math.nan, math.inf, 1e6])
-    def test_numbers_that_cannot_be_sent_are_refused_and_the_arm_stays_usable(
+    def test_move_to_unsendable_number_is_refused_and_arm_stays_usable(
         self, rig: ArmRig, bad: float
     ) -> None:
         """The driver raises an ArmError before it sends anything, and executes the next valid move."""
@@ -112,7 +112,7 @@ class ArmContract:
             arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)
             assert rig.moves == 1
 
-    def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(self, rig: ArmRig) -> None:
+    def test_move_out_of_reach_is_refused_and_arm_stays_usable(self, rig: ArmRig) -> None:
         """The message says that the place is out of reach, and that the arm has not moved."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
@@ -120,7 +120,7 @@ class ArmContract:
             assert rig.moves == 0
             arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)
 
-    def test_after_a_silence_everything_is_refused(self, rig: ArmRig) -> None:
+    def test_arm_after_silence_refuses_everything(self, rig: ArmRig) -> None:
         """Every call raises an ArmError, since the place of the arm is unknown."""
         with rig.open() as arm:
             rig.silence()

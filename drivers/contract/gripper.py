@@ -55,14 +55,14 @@ class GripperContract:
         yield result
         result.close()
 
-    def test_connecting_reads_and_does_not_write(self, rig: GripperRig) -> None:
+    def test_connect_reads_and_writes_nothing(self, rig: GripperRig) -> None:
         """Connecting sends no command, so that an inactive gripper stays inactive."""
         with rig.open() as gripper:
             assert isinstance(gripper, ports.Gripper)
             assert not gripper.state().activated
         assert not rig.commanded()
 
-    def test_one_opened_for_reading_cannot_be_commanded(self, rig: GripperRig) -> None:
+    def test_gripper_opened_read_only_refuses_commands(self, rig: GripperRig) -> None:
         """A read-only connection reads the state, refuses commands with a ReadOnlyError, and sends none."""
         with rig.open() as gripper:
             gripper.activate()
@@ -76,7 +76,7 @@ class GripperContract:
             assert gripper.state().activated
         assert rig.commands() == before
 
-    def test_activate_move_wait(self, rig: GripperRig) -> None:
+    def test_wait_after_activate_and_move_returns_at_target(self, rig: GripperRig) -> None:
         """The settled reading has the width of the jaws and the requested width."""
         with rig.open() as gripper:
             profile = gripper.profile
@@ -93,7 +93,7 @@ class GripperContract:
             assert (settled.width_um, settled.target_um) == (half_um, half_um)
             assert settled.seconds > 0.0
 
-    def test_a_part_stops_the_jaws(self, rig: GripperRig) -> None:
+    def test_wait_on_a_part_returns_its_width(self, rig: GripperRig) -> None:
         """The settled reading has the width of the part, and reports contact while closing."""
         with rig.open() as gripper:
             gripper.activate()
@@ -102,7 +102,7 @@ class GripperContract:
             settled = gripper.wait()
             assert (settled.width_um, settled.object) == (rig.contact_um, ObjectState.CLOSING)
 
-    def test_a_holding_gripper_survives_a_reconnection(self, rig: GripperRig) -> None:
+    def test_reconnect_while_holding_keeps_the_part(self, rig: GripperRig) -> None:
         """Connecting resets nothing, and activating an active gripper opens nothing."""
         with rig.open() as gripper:
             gripper.activate()
@@ -116,13 +116,13 @@ class GripperContract:
             gripper.activate()
             assert gripper.state().width_um == rig.contact_um
 
-    def test_moves_need_activation(self, rig: GripperRig) -> None:
+    def test_move_without_activation_is_refused(self, rig: GripperRig) -> None:
         """Without activation a move raises a GripperFault, and nothing is sent."""
         with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
             close(gripper)
         assert not rig.commanded()
 
-    def test_stopping_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
+    def test_stop_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
         """After `stop` the jaws stand still, and are not closed yet."""
         with rig.open() as gripper:
             gripper.activate()
@@ -132,21 +132,21 @@ class GripperContract:
             threading.Event().wait(0.1)
             assert gripper.state().width_um == here > 0
 
-    def test_waiting_for_nothing_is_refused(self, rig: GripperRig) -> None:
+    def test_wait_without_move_is_refused(self, rig: GripperRig) -> None:
         """`wait` without a move raises a GripperFault."""
         with rig.open() as gripper:
             gripper.activate()
             with pytest.raises(GripperFault, match="no move"):
                 gripper.wait()
 
-    def test_a_closed_link_stays_closed(self, rig: GripperRig) -> None:
+    def test_state_after_close_is_refused(self, rig: GripperRig) -> None:
         """Reading from a closed link raises a LinkError that says so."""
         with rig.open() as gripper:
             gripper.close()
             with pytest.raises(LinkError, match="closed"):
                 gripper.state()
 
-    def test_a_dead_device_is_a_timeout(self, rig: GripperRig) -> None:
+    def test_state_of_silent_device_raises_at_the_deadline(self, rig: GripperRig) -> None:
         """A call to a silent device raises a LinkError at the driver's deadline."""
         with rig.open() as gripper:
             rig.silence()
