@@ -1,4 +1,4 @@
-"""Changes to the document of a job, as `--sweep` and `--world-set` make them."""
+"""Changes to the document of a job, as `--vary` and `--world-set` make them."""
 
 import pytest
 
