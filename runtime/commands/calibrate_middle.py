@@ -155,6 +155,5 @@ def _checked(arguments: argparse.Namespace) -> tuple[Pose2, calibration.GripperC
         usable(arguments.output, arguments.calibration, arguments.tree)
     except OutputError as error:
         raise UsageError(f"--output {error}") from error
-    return (x_mm, y_mm, radians(arguments.angle)), calibration.load(
-        arguments.calibration
-    ).calibration
+    measured = calibration.load(arguments.calibration).calibration
+    return (x_mm, y_mm, radians(arguments.angle)), measured

@@ -58,11 +58,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     profile = _profile(arguments, table)
-    known = (
-        None
-        if arguments.calibration is None
-        else calibration.load(arguments.calibration).calibration
-    )
+    path = arguments.calibration
+    known = None if path is None else calibration.load(path).calibration
     results: list[Finding] = []
     with _devices(arguments) as (port, arm):
         for finding in findings(port, arm, table, profile, known, drivers):

@@ -113,7 +113,12 @@ def _check_views(arguments: argparse.Namespace) -> None:
 def run_options(
     arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> RunOptions:
-    """Options of the run besides its table and the calibration of its gripper, `measured`.
+    """Builds the options of a run.
+
+    Args:
+        arguments: of the command line.
+        table: the table that the run executes.
+        measured: calibration of the gripper; None takes its nominal widths.
 
     Raises:
         InputError: a delivery's file or the job's delivery is refused.

@@ -86,7 +86,7 @@ class AuditProcess(ChildProcess):
             raise UsageError(f"--audit {self._command!r}: {error}") from error
         if "verdict" not in reply:
             raise UsageError(
-                f"--audit {self._command!r} answers without a verdict; each JSON line takes one"
+                f"--audit {self._command!r} answers without a verdict; it must answer each JSON line with one"
             )
         stated, run = reply.get("table_sha256"), self._common.get("table_sha256")
         if run is not None and stated not in (None, run):

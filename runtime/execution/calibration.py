@@ -138,7 +138,7 @@ def fit(
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """Errors, mm, of fits without one block each, at that block; the narrowest and widest are skipped."""
+    """Error at each block of a fit to the other blocks [mm]; none for the narrowest and the widest block."""
     gauges = calibration.gauges
     return [
         curve([*gauges[:k], *gauges[k + 1 :]])(gauges[k].mean) - gauges[k].width_mm

@@ -76,7 +76,7 @@ def folder(path: Path, *others: Path | None) -> Path:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Context that yields the path of a draft to write, and replaces the file by the draft on success.
+    """Context manager that yields the path of a draft, and replaces the file by the draft on success.
 
     The draft has the suffix of the file. If the path is one of `STDOUT`, the draft is copied to standard
     output instead.
@@ -115,7 +115,7 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def _begin(draft: Path, path: Path) -> None:
-    """Creates an empty draft: its mode is by the umask or, like its owner, that of the file it replaces."""
+    """Creates an empty draft with the owner and mode of the file that it replaces, if there is one."""
     old = path.stat() if path.exists() else None
     # New, so never through somebody's link; a private file is private before it has content.
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC

@@ -47,7 +47,7 @@ def test_changed_friction_reaches_each_part_and_foreign_part(as_file, fragments)
     assert [each.finger_part_max for each in bounds] == highest
 
 
-def test_changed_list_that_is_none_is_refused():
+def test_changed_entries_that_are_no_list_are_refused():
     document = text("", "", "").partition("\n        [[")[0] + "\nhypothesis = 3"
     with pytest.raises(InputError, match="2 to 16 entries"):
         job_file.parse(document, "the job", {"friction": {"finger_part_min": 0.1}})

@@ -41,7 +41,7 @@ def answers(asked: bytes) -> list[dict[str, object]]:
     [b"x" * (MAX_LINE_BYTES - 1), b"x" * (MAX_LINE_BYTES + 1), b"x" * (5 * MAX_LINE_BYTES)],
     ids=["shorter than the limit", "longer", "several times as long"],
 )
-def test_serve_line_that_is_no_question_is_answered_by_unknown_and_the_next_is_judged(line):
+def test_serve_invalid_line_is_answered_unknown_and_next_is_judged(line):
     said, judged = answers(line + b"\n" + QUESTION + b"\n")
     assert (said["verdict"], said["reason"]) == (UNKNOWN, MISUNDERSTOOD)
     assert judged["verdict"] == PASS
