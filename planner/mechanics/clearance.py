@@ -234,36 +234,33 @@ def least_clearance(
 
 
 @kernel
-def _least_free(
-    outline: Array, poses: Array, opening: float, h: float, top_share: float, low_share: float
-) -> float:
-    """Least `free_closing` of a part at any of `poses` (n, 3) in the hand frame [mm].
-
-    If the fingers meet first, the result is half the opening.
-    """
-    points, top = np.empty(outline.shape), 0.5 * opening
-    least = top
+def _first_contacts(
+    outline: Array, jaws: Jaws, poses: Array, share: Array, width_mm: Array
+) -> None:
+    """`first_contacts_mm` for an outline (2, N); writes the results into `width_mm` (n,)."""
+    points, top = np.empty(outline.shape), 0.5 * jaws.opening_mm
+    h = 0.5 * jaws.length_mm + SIDE_MARGIN_MM
     for k in range(poses.shape[0]):
         place(outline, poses[k], points)
-        least = min(least, free_closing(points, top, -top, h, top_share, low_share))
-    return max(least, 0.0)
+        free = free_closing(points, top, -top, h, 2.0 * share[k], 2.0 * (1.0 - share[k]))
+        width_mm[k] = jaws.opening_mm - 2.0 * max(min(free, top), 0.0)
 
 
-def first_contact_mm(
-    outline: Array, jaws: Jaws, poses: Array, placement: Array, shares: tuple[float, float]
-) -> float:
-    """Greatest width at which closing jaws may touch the part first, over a belief [mm]; 0 if they never do.
+def first_contacts_mm(outline: Array, jaws: Jaws, poses: Array, share: Array) -> Array:
+    """Greatest width (n,) at which closing jaws may touch a part first, at each of its poses [mm].
 
-    The part has an outline (N, 2) [mm] and believed poses (n, 3) in the world; the pose of the hand in the
-    world is `placement` (3,). The fingers count as `SIDE_MARGIN_MM` longer at both ends. `shares` are the
-    bounds of the share of the closing that the upper finger makes.
+    The width is 0 where they never touch it. The fingers count as `SIDE_MARGIN_MM` longer at both ends.
+
+    Args:
+        outline: (N, 2) of the part [mm].
+        jaws: the fingers and their opening.
+        poses: (n, 3) in the hand frame [mm, mm, rad].
+        share: (n,) share of the closing that the upper finger makes.
     """
-    hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
-    h = 0.5 * jaws.length_mm + SIDE_MARGIN_MM
-    free = _least_free(
-        np.ascontiguousarray(outline.T), hand, jaws.opening_mm, h, 2.0 * most, 2.0 * (1.0 - least)
-    )
-    return float(jaws.opening_mm - 2.0 * free)
+    width_mm = np.empty(len(poses))
+    poses, columns = np.ascontiguousarray(poses), np.ascontiguousarray(outline.T)
+    _first_contacts(columns, jaws, poses, share, width_mm)
+    return width_mm
 
 
 def free_placements(

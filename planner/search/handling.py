@@ -19,7 +19,7 @@ from planner.job.model import Job
 from planner.mechanics.clearance import (
     STANDS_ON,
     classify_contact,
-    first_contact_mm,
+    first_contacts_mm,
     jaws_of,
     least_clearance,
 )
@@ -30,8 +30,7 @@ from runtime.table import HELD_UM
 CONTACT_MARGIN_MM = 2.0
 """Margin of the first contact beyond the particles of a belief, since they are only samples."""
 SHARE_DECIMALS = 2
-"""Rounding of shares of the closing, so that parts with similar ones are processed together."""
-HERE = np.zeros(3)
+"""Rounding of shares of the closing: parts with the same one count as being as wide as the widest of them."""
 SPARE_MM = 2.0
 """Excess of an opening, unless it is the full one, over the width of the first contact."""
 LEAST_PARTICLES = 400
@@ -78,14 +77,14 @@ class Handling:
         """The greatest width at which closing jaws may meet a part of a belief, given its traits."""
         traits, hand = belief.traits, to_hand(belief.poses, placement)
         hand[:, 1] -= traits["across_mm"]
-        part, widths = traits["hypothesis"], list[float]()
-        shares = np.round(
-            np.clip(self._jaws.upper_share + traits["share"], 0.0, 1.0), SHARE_DECIMALS
-        )
-        for k, share in {*zip(part.tolist(), shares.tolist(), strict=True)}:
-            rows, both = (part == k) & (shares == share), (share, share)
-            width_mm = first_contact_mm(self._outlines[k], self._jaws, hand[rows], HERE, both)
-            widths.append(float(read_as(np.asarray(width_mm), traits[rows]).max()))
+        share = np.clip(self._jaws.upper_share + traits["share"], 0.0, 1.0)
+        share, widths = np.round(share, SHARE_DECIMALS), list[float]()
+        for k, rows in by_hypothesis(traits):
+            contact_mm = first_contacts_mm(self._outlines[k], self._jaws, hand[rows], share[rows])
+            _, alike = np.unique(share[rows], return_inverse=True)
+            widest_mm = np.zeros(alike.max() + 1)
+            np.maximum.at(widest_mm, alike, contact_mm)
+            widths.append(float(read_as(widest_mm[alike], traits[rows]).max()))
         return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:

@@ -9,7 +9,7 @@ from problems import finger_box, place, random_convex, random_poses, random_star
 
 from planner.belief.particles import initial
 from planner.mechanics import clearance, contacts
-from planner.mechanics.clearance import first_contact_mm, jaws_of
+from planner.mechanics.clearance import SIDE_MARGIN_MM, first_contacts_mm, jaws_of
 from planner.mechanics.contacts import CORNER, END, FACE, OUTER
 
 HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
@@ -205,13 +205,14 @@ def meets(outline, pose, width_mm, jaws, share):
     return bool((before[:, 1] > top).any() or (before[:, 1] < top - width_mm).any())
 
 
-def test_first_contact_mm_is_at_least_any_width_that_meets_a_part(job):
-    outline = job.part.outline_mm
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.5, 1.0])
+def test_first_contacts_mm_at_each_pose_is_where_jaws_begin_to_meet_the_part(job, share):
+    outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = initial(job, 60, np.random.default_rng(5))
-    jaws, shares = jaws_of(job.gripper), (0.4, 0.6)
-    contact = first_contact_mm(outline, jaws, poses, np.zeros(3), shares)
-    for share in (*shares, 0.5):
-        assert not any(meets(outline, pose, contact + 0.1, jaws, share) for pose in poses)
-    even = first_contact_mm(outline, jaws, poses, np.zeros(3), (0.5, 0.5))
-    assert any(meets(outline, pose, even - 3.0, jaws, 0.5) for pose in poses)
-    assert even <= contact <= jaws.opening_mm
+    contact = first_contacts_mm(outline, jaws, poses, np.full(60, share))
+    longer = jaws._replace(length_mm=jaws.length_mm + 2.0 * SIDE_MARGIN_MM)
+    assert np.ptp(contact) > 1.0
+    assert np.all((contact >= 0.0) & (contact <= jaws.opening_mm))
+    for pose, width_mm in zip(poses, contact.tolist(), strict=True):
+        assert not meets(outline, pose, width_mm + 0.1, longer, share)
+        assert meets(outline, pose, width_mm - 0.1, longer, share)
