@@ -26,14 +26,14 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place due to the calibration, on a grid of the table."""
+    """Standard deviation, due to the calibration, of a place measured on the table; given on a grid."""
 
     x_mm: Array  # (m,) ascending
     y_mm: Array  # (n,) ascending
-    sigma_mm: Array  # (n, m) in the worst direction
+    sigma_mm: Array  # (n, m) standard deviation in the worst direction
 
     def at(self, x_mm: float, y_mm: float) -> float:
-        """Standard deviation at a place [mm], bilinearly interpolated; it grows away from the grid."""
+        """Standard deviation at a place, mm, bilinearly interpolated; outside the grid it grows."""
         along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
         inside = np.interp(y_mm, self.y_mm, along_rows)
         low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T
