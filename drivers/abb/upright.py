@@ -163,7 +163,7 @@ class UprightArm(ABC):
             raise ArmError(f"arm not moved: the way to {message} is {reason}")
         if not (speed_mm_s > 0.0 and radius_mm > 0.0):
             raise ArmError(
-                f"arm speed {speed_mm_s} mm/s at {radius_mm} mm; give a positive one, and radius"
+                f"arm speed {speed_mm_s} mm/s at a radius of {radius_mm} mm; both must be positive"
             )
         turn_rad_s = speed_mm_s / radius_mm
         try:

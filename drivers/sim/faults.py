@@ -224,6 +224,6 @@ def _written_fault(path: Path, number: int, row: object) -> Fault:
     whole = all(type(count) is int and count >= least for count, least in counts)
     if not whole or type(row.get("value", 0.0)) not in (int, float):
         raise InputError(
-            f"{where}: part, at and length are whole numbers, not negative, and value is a number"
+            f"{where}: part and at are whole numbers from 0, length is one from 1, and value is a number"
         )
     return Fault(**row)

@@ -103,7 +103,7 @@ def _parsed(record: dict[str, Any]) -> CameraCalibration:
     lens = Lens(width, height, (fx, fy), (cx, cy), (k1, k2, p1, p2, k3))
     rotation = np.array(record["rotation_world_to_camera"], np.float64).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
-        raise ValueError("its rotation is none")
+        raise ValueError("rotation_world_to_camera is not a rotation")
     view = View(lens, rotation, np.array(record["translation_mm"], np.float64).reshape(3))
     grid = (record[f"trust_{name}_mm"] for name in ("x", "y", "sigma"))
     trust = Trust(*(np.array(values, np.float64) for values in grid))
