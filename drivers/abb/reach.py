@@ -87,9 +87,7 @@ def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
 
-def obstacle(
-    start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
-) -> str:
+def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool]) -> str:
     """Returns why the hand cannot move straight from `start` to `target`; an empty string if it can.
 
     Args:
