@@ -246,7 +246,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 def gripper(
     port: str, pace: Pace, report: ports.Report, *, read_only: bool, profile: GripperProfile | None
 ) -> ManualGripper:
-    """Opens `manual`, whose readings are those of a gripper of the profile, by default of a 2F-85.
+    """Opens the manual gripper at `manual`; it rounds widths to the readings of the profile, or of a 2F-85.
 
     Raises:
         PortError: the port is not `manual`.

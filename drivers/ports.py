@@ -119,7 +119,7 @@ class GripperProfile:
     def counted_um(self, count: int) -> int:
         """Converts a position count of the device to a width; only for profiles with `counts`.
 
-        Counts beyond those of the open and closed jaws are converted likewise.
+        Also converts counts beyond those of the open and closed jaws.
         """
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
@@ -133,9 +133,9 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 class GripperState:
     """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
 
-    activated: bool  # whether it may be moved
+    activated: bool  # whether the gripper is ready to move, as after `activate`; a fault may still forbid it
     moving: bool  # whether the fingers are moving
-    fault: int  # the device's fault word; 0 if it may be moved
+    fault: int  # fault code of the device; 0: no fault
     fault_text: str  # meaning and remedy, a sentence; empty without a fault
     object: ObjectState
     # the requested width as the device echoes it, up to the stroke; it outlasts a connection. A request to

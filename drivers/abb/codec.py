@@ -124,7 +124,7 @@ def hand_angle(rotation: Sequence[float]) -> float:
 
 
 def parse_reply(text: str, code: int) -> Reply | None:
-    """The reply to `code` at the start of `text`, or None while it may still be growing.
+    """Parses the reply to `code`, of which `text` is the received part; None while the reply may still grow.
 
     Replies have no terminator: one with a payload is complete once it has all its fields.
 

@@ -92,7 +92,7 @@ def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], 
 
     Args:
         start: pose of the hand in the work object frame.
-        target: likewise; only the target has to be within the work area.
+        target: pose in the same frame; it has to be within the work area, unlike `start`.
         setup: frames and limits.
         reaches: says whether the flange can be at a pose in the base frame; not used if the base is unknown.
     """

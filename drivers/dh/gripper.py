@@ -180,7 +180,9 @@ class Gripper(PolledGripper[Reading, int]):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A DH gripper at `dh:///dev/ttyUSB0`, or at `dh://host:port` behind a serial device server; `?unit=2`.
+    """Opens a DH gripper at `dh:///dev/ttyUSB0`, or at `dh://host:port` behind a serial device server.
+
+    `?unit=2` at the end of the port's name states the slave id.
 
     Raises:
         PortError: the port cannot be opened or is not understood, or the profile is of another make.

@@ -96,7 +96,7 @@ class ModbusLink(Master):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A Robotiq gripper on a tty, behind a serial device server (`rtu+tcp://`), or with Modbus TCP (`tcp://`).
+    """Opens a Robotiq gripper on a tty, on a serial device server (`rtu+tcp://`), or on Modbus TCP (`tcp://`).
 
     Raises:
         PortError: the port is invalid or cannot be opened, or the profile has no `counts`.

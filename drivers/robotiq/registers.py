@@ -106,7 +106,7 @@ def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int
 class Reading:
     """One reading of a 2F gripper; positions are counts: 0 open, 255 closed."""
 
-    activated: bool  # whether it may be moved
+    activated: bool  # whether the activation is complete
     enabled: bool  # gACT, the echo of rACT
     activating: bool  # whether the gripper is being activated, for which the fingers sweep
     going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it

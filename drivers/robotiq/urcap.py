@@ -159,7 +159,7 @@ class UrcapLink(StreamLink):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A Robotiq gripper at `urcap://host`; errors as for `drivers.robotiq.modbus.gripper`."""
+    """Opens a Robotiq gripper at `urcap://host`; raises the errors of `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
     return Gripper(link, pace, report, profile, read_only=read_only)

@@ -214,7 +214,9 @@ class Gripper(PolledGripper[Input, Output]):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A SCHUNK gripper at `schunk:///dev/ttyUSB0?unit=12`, or at `schunk://host:port` behind a device server.
+    """Opens a SCHUNK gripper at `schunk:///dev/ttyUSB0`, or at `schunk://host:port` behind a device server.
+
+    `?unit=12` at the end of the port's name states the slave id.
 
     Raises:
         PortError: the port is invalid or cannot be opened, or another gripper is there.

@@ -22,7 +22,7 @@ from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # share of the deadline for taking a picture, the rest is for measuring
-# Address space for thread stacks and allocators' pools, most of which is never touched.
+# Address space allowed for thread stacks and allocators' pools; most of it is never touched.
 RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"

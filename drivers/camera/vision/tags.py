@@ -1,7 +1,7 @@
 """Detection of tags: OpenCV detects and reads them, `drivers.camera.vision.edges` refines their corners.
 
-OpenCV's own refinements are not used: where squares are small, the sub-pixel refinement searches within
-about a pixel only; that of AprilTag takes a second per picture, and places a pixel's origin at its corner
+OpenCV's own refinements are not used. Where squares are small, the sub-pixel refinement searches within about
+a pixel only. AprilTag's refinement takes a second per picture, and places a pixel's origin at its corner
 instead of its centre.
 """
 
