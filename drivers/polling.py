@@ -60,9 +60,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         read_only: whether writes are refused.
     """
 
-    stale_s = (
-        0.0  # device seconds after a request in which a reading may still be of the previous move
-    )
+    # device seconds after a request in which a reading may still be of the previous move
+    stale_s = 0.0
     spread = 0  # largest distance between readings of fingers at rest, in the device's steps
 
     def __init__(

@@ -32,9 +32,8 @@ START = {
 }
 STOP = {"stopmode": "stop", "usetsp": "normal"}
 PORT = 443
-START_S = (
-    3.0  # longest time from a request, or from the start of the program, to the first response
-)
+# longest time from a request, or from the start of the program, to the first response
+START_S = 3.0
 LOOK_S = 0.1  # between two polls: the controller serves some twenty requests a second
 MOST_NUMBER = 8_000_000  # a RAPID num counts exactly up to here
 HINT = "check the address, and that Robot Web Services are reachable from this network"

@@ -35,9 +35,8 @@ class SchunkLink(Master):
     def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int) -> None:
         super().__init__(stream, pace, report, unit)
         self._line = threading.Lock()
-        self._quiet = (
-            False  # whether a keep-alive request is under way, whose failures are not reported
-        )
+        # whether a keep-alive request is under way, whose failures are not reported
+        self._quiet = False
         self._let_go = pace.every(ALIVE_S, self._keep_alive)
 
     def read(self, name: str) -> tuple[float, ...]:

@@ -39,9 +39,8 @@ class Worker:
     def __init__(self, make: Callable[[], Auditor], deadline_s: float) -> None:
         self.deadline_s = deadline_s
         self.asked = False  # whether there was a question about a part
-        self.why_not: Exception | None = (
-            None  # why the auditor could not be created; None: no error
-        )
+        # why the auditor could not be created; None: no error
+        self.why_not: Exception | None = None
         self._make = make
         self._questions: queue.Queue[tuple[int, Pose2, float, str | None]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
