@@ -14,7 +14,7 @@ class Clock:
     """The machine's monotonic clock, in wall seconds; a cell on virtual time overrides it."""
 
     def now(self) -> float:
-        """Seconds since some fixed moment."""
+        """Seconds since a moment that stays the same while the process runs."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
@@ -33,9 +33,9 @@ class Clock:
         return ended.set
 
     def idle(self, seconds: float, until: float) -> None:
-        """Pauses between two polls of a device, at most until the moment `until`.
+        """Pauses for `seconds` between two polls of a device, at most until the moment `until`.
 
-        A clock that knows when something will next change may pause until then.
+        A subclass that knows when the device will next change may pause until that moment.
         """
         self.sleep(min(seconds, until - self.now()))
 
@@ -48,7 +48,7 @@ class Pace:
         self.time_scale = time_scale
 
     def now(self) -> float:
-        """Wall time in s."""
+        """Time of the clock, wall seconds."""
         return self.clock.now()
 
     def pause(self, seconds: float) -> None:
@@ -60,7 +60,7 @@ class Pace:
         return self.clock.every(seconds / self.time_scale, happens)
 
     def idle(self, until: float, seconds: float = POLL_S) -> None:
-        """Pauses between two polls of a busy device, at most until the wall time `until`."""
+        """Pauses for `seconds` of device time between two polls, at most until the wall time `until`."""
         self.clock.idle(seconds / self.time_scale, until)
 
     def polls(self, deadline: float, seconds: float = POLL_S) -> Iterator[None]:
@@ -87,7 +87,7 @@ class Pace:
             yield left_s
 
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
-        """The wall time at which `seconds` of device time have passed, plus a margin for one last poll.
+        """Wall time at which `seconds` of device time will have passed, plus a margin for one last poll.
 
         The margin is `LINK_TIMEOUT_S`, or `simulated_s` for a simulated device that is faster than real time:
         on a busy machine the process of such a device may be late by more than its scaled budget.

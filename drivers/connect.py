@@ -28,7 +28,7 @@ MANUAL = "manual"  # the scheme of a person, which needs no host
 
 
 class Makes(NamedTuple):
-    """Where to find the function that opens a device of one kind (grippers or arms), by scheme."""
+    """The functions that open the devices of one kind (grippers or arms), by the scheme of a port."""
 
     group: str  # group of entry points by which other packages add schemes
     kind: type  # the Protocol of opened devices

@@ -57,7 +57,7 @@ class StreamLink(ReportingLink):
         self._lost = self._lost or "it was closed"
 
     def _drain(self, quiet_s: float = 0.0) -> None:
-        """Discards pending data, so that no late answer is taken for that of the next request.
+        """Discards pending data, so that a late answer is not taken for that to the next request.
 
         Ends after a silence of `quiet_s`, or after `DRAIN_S` at most.
         """

@@ -19,8 +19,8 @@ from drivers.ports import TURN_RADIUS_MM, Arm, GripperProfile, GripperState, Obj
 from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be away
-LIFT_S = 60.0  # also used in a safe sequence, which must not wait for long
-# Closer poses are the same: the reading tolerance of a simulated arm that follows the hand.
+LIFT_S = 60.0  # to lift the hand, also in a safe sequence, which must not wait for long
+# Poses that are closer than this are the same: a simulated arm that follows is read so accurately.
 SAME_MM, SAME_RAD = 0.1, 0.01
 WHICH_WIDTH = "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
 # Assumed pose of a hand before the first request.
@@ -74,9 +74,9 @@ class ManualArm:
 
     def __init__(self, behind: Arm | None, *, read_only: bool) -> None:
         self._behind, self._read_only = behind, read_only
-        self._at: PoseOfHand | None = None  # last request
-        self._down = False
-        self._unknown = ""
+        self._at: PoseOfHand | None = None  # last target
+        self._down = False  # whether the hand was put down last
+        self._unknown = ""  # why the pose is unknown; empty: it is known
 
     def pose(self) -> PoseOfHand:
         """The pose of the simulated arm or, without one, the last target (`ALOFT` before the first).
@@ -94,7 +94,7 @@ class ManualArm:
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why the simulated arm cannot make a straight motion; empty if it can, or without such an arm."""
+        """Returns why the simulated arm cannot make a straight motion; empty if it can, or without one."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
@@ -163,12 +163,12 @@ class ManualGripper:
         self.profile = profile
         self._read_only = read_only
         self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
-        self._seen: GripperState | None = None  # as last confirmed
-        self._asked: int | None = None
+        self._seen: GripperState | None = None  # state by the last answer
+        self._asked: int | None = None  # width of a request that nobody has waited for yet, um
         self._closed = False
 
     def state(self) -> GripperState:
-        """The state by the last answer; before the first, open jaws.
+        """The state by the person's last answer; before the first answer, open jaws.
 
         Raises:
             LinkError: the gripper was closed.
@@ -246,7 +246,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 def gripper(
     port: str, pace: Pace, report: ports.Report, *, read_only: bool, profile: GripperProfile | None
 ) -> ManualGripper:
-    """Opens `manual`, whose readings are those of a gripper of the profile, by default of a 2F-85.
+    """Opens the manual gripper at `manual`; it rounds widths to the readings of the profile, or of a 2F-85.
 
     Raises:
         PortError: the port is not `manual`.

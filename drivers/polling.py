@@ -12,7 +12,7 @@ from drivers.stream import closed_on_error
 
 ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
-READINGS = 3  # number that must agree in a row before a width is accepted
+READINGS = 3  # number of readings in a row that must agree before a width is accepted
 WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Seen = TypeVar("Seen")
 Target = TypeVar("Target")
@@ -22,11 +22,11 @@ Target = TypeVar("Target")
 class Move(Generic[Seen, Target]):
     """A requested move, and what `wait` needs to know about it."""
 
-    target: Target  # in the form that the device echoes
-    before: Seen  # the reading before it
-    written_at: float
-    budget_s: float
-    pause_s: float  # between two readings of fingers at rest
+    target: Target  # the request, in the form that the device echoes
+    before: Seen  # the last reading before the request
+    written_at: float  # wall time of the request
+    budget_s: float  # time limit, device seconds
+    pause_s: float  # device seconds between two readings of fingers at rest
 
 
 class ReadOnlyLink:
@@ -48,20 +48,21 @@ class ReadOnlyLink:
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
-    """Base class of polled grippers; a make implements reads, writes and the meaning of its readings.
+    """Base class of polled grippers; a subclass for each make reads, writes and interprets the readings.
 
     Every wait has a deadline, and every write whose answer was lost is reported.
 
     Args:
-        link: closed with the gripper, and if the gripper cannot be read.
+        link: connection to the device, closed with the gripper, also when the first reading fails.
         pace: device time.
         report: receives every retry and failure.
-        profile: of the expected gripper; None: the make's usual one.
-        read_only: whether the gripper refuses to write.
+        profile: of the expected gripper; None: the usual one of the make.
+        read_only: whether writes are refused.
     """
 
-    stale_s = 0.0  # device time after a request during which a reading may be of the previous move
-    spread = 0  # largest distance between positions of fingers at rest
+    # device seconds after a request in which a reading may still be of the previous move
+    stale_s = 0.0
+    spread = 0  # largest distance between readings of fingers at rest, in the device's steps
 
     def __init__(
         self,
@@ -110,14 +111,17 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._link.close()
 
     def _budget_s(self, speed_mm_s: float) -> float:
-        """Device seconds that a move may take: those of a whole stroke, since the start may be misread."""
+        """Time limit of a move, device seconds: that of a whole stroke, since the start may be misread."""
         return self.profile.stroke_um / 1000.0 / speed_mm_s + MOVE_MARGIN_S
 
     # -- what a make says -------------------------------------------------------------------------
 
     @abstractmethod
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
-        """Reads once; returns the profile of the connected gripper."""
+        """Reads the device for the first time; returns the profile of the connected gripper.
+
+        `profile` is that of the expected gripper.
+        """
 
     @abstractmethod
     def _read(self) -> Seen:
@@ -125,7 +129,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _target(self, seen: Seen) -> Target:
-        """The request that the device echoes in a reading."""
+        """Returns the request that the device echoes in a reading."""
 
     @abstractmethod
     def _state(self, seen: Seen, target: Target) -> GripperState:
@@ -133,9 +137,9 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _rest(self, seen: Seen, move: Move[Seen, Target]) -> int | None:
-        """The position at which a move has ended, in the device's steps.
+        """Returns the position at which a move has ended, in the device's steps.
 
-        None if the move has not ended, or the reading contradicts itself.
+        It returns None if the move has not ended, or if the reading contradicts itself.
         """
 
     @abstractmethod

@@ -27,8 +27,8 @@ MOST_COUNT = 255  # greatest count of a device that reports widths as counts
 # Greatest distance of a point of an unknown gripper, or of the part that it holds, from the hand's axis.
 TURN_RADIUS_MM = 160.0
 
-# Receives every retry and failure on a link, as kind and fields of a record: a journal's `record`
-# fits.
+# Receives every retry and failure on a link as a record: its kind and its fields. The method `record` of a
+# journal is one.
 Report = Callable[[str, Mapping[str, object]], None]
 
 
@@ -37,7 +37,7 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 
 
 class ObjectState(IntEnum):
-    """State of an object between the fingers; a journal holds the number."""
+    """Whether and how an object stopped the fingers; a journal holds the number."""
 
     NONE = 0  # unknown: the fingers are moving, or were never asked to move
     OPENING = 1  # something stopped them while opening
@@ -67,16 +67,17 @@ class GripperProfile:
     held_um: int = 2000  # width from which closed fingers are expected to hold a part
     empty_um: int = 5000  # width up to which the object state may miss a held part
     streams: bool = False  # whether it accepts a request while the fingers move
-    # Link and offset of the arc of the tips, mm; a link alone: the offset has to be measured;
-    # empty: the tips move straight.
+    # Link and offset of the arc on which the tips move, mm. A link alone: the offset has to be measured.
+    # Empty: the tips move straight.
     arc_mm: tuple[float, ...] = ()
-    # Usual fingertips: along x, and along y as they close.
+    # Extent of a usual fingertip along the hand's x, and along y, in which it moves.
     fingers_mm: tuple[float, float] = (25.0, 10.0)
     # Counts of the open and closed jaws, if the device counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
-    # Rate at which it closes with its whole force, and in proportion with less; None: at any speed.
+    # Greatest rate of the width at which it exerts its whole force; with less force it is proportionally
+    # lower. None: it exerts any force at any speed.
     grip_mm_s: float | None = None
-    # Distance of its farthest point from its axis, jaws open, with the maker's fingers.
+    # Distance of the gripper's farthest point from its axis, jaws open, with the maker's fingers.
     radius_mm: float = TURN_RADIUS_MM
 
     @property
@@ -108,7 +109,7 @@ class GripperProfile:
         return _within(20.0, self.speed_mm_s)
 
     def reading_um(self, step: int) -> int:
-        """The width at a step of the grid, rounded; steps count from 0 (closed), also beyond the ends."""
+        """Width at a step of the grid, rounded to 1 um; steps count from 0 (closed), also beyond the ends."""
         return (2 * self.stroke_um * step + self.steps) // (2 * self.steps)
 
     def step(self, width_um: float) -> int:
@@ -118,7 +119,7 @@ class GripperProfile:
     def counted_um(self, count: int) -> int:
         """Converts a position count of the device to a width; only for profiles with `counts`.
 
-        Counts beyond those of the open and closed jaws are converted likewise.
+        Also converts counts beyond those of the open and closed jaws.
         """
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
@@ -132,9 +133,9 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 class GripperState:
     """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
 
-    activated: bool  # whether it may be moved
+    activated: bool  # whether the gripper is ready to move, as after `activate`; a fault may still forbid it
     moving: bool  # whether the fingers are moving
-    fault: int  # the device's fault word; 0 if it may be moved
+    fault: int  # fault code of the device; 0: no fault
     fault_text: str  # meaning and remedy, a sentence; empty without a fault
     object: ObjectState
     # the requested width as the device echoes it, up to the stroke; it outlasts a connection. A request to
@@ -220,15 +221,15 @@ class Arm(Protocol):
         """
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why a straight motion is impossible, as far as known beforehand; empty if no reason is known."""
+        """Returns why a straight motion is impossible; empty if no reason is known beforehand."""
 
     def move_linear(
         self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Moves in a straight line, and returns when the hand is at rest at the target.
 
-        Angles that differ by whole turns are different targets. The caller must split half
-        a turn or more into several motions: an arm may not be able to choose its direction. The speed also
+        Angles that differ by whole turns are different targets. The caller must split half a turn or more
+        into several motions: an arm may be unable to choose the direction of such a turn. The speed also
         limits turns: no point within `radius_mm` of the hand's axis moves faster.
 
         Raises:
@@ -266,7 +267,7 @@ class Scene(Protocol):
 
 
 class Answered(NamedTuple):
-    """A device that answered a scan: slave id and baud rate."""
+    """Slave id and baud rate of a device that answered a scan."""
 
     unit: int
     baud: int

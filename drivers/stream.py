@@ -37,7 +37,7 @@ class StalledError(TimeoutError):
 class Stream(Protocol):
     """An open connection. Both directions raise an OSError once it is gone."""
 
-    endpoint: str
+    endpoint: str  # name of the connection in messages
 
     def send(self, data: bytes) -> None:
         """Sends data in one piece.
@@ -54,7 +54,7 @@ class Stream(Protocol):
 
 
 class TcpStream:
-    """A TCP connection without send delay; owns its socket. `endpoint` is the port as the user named it."""
+    """A TCP connection without send delay; owns the socket. `endpoint` is the port as the user named it."""
 
     def __init__(self, connection: socket.socket, endpoint: str) -> None:
         self.endpoint = endpoint
@@ -133,7 +133,7 @@ class SerialStream:
         self._port.close()
 
     def _unsent(self) -> int:
-        """Number of bytes pending on the line; 0 where its driver does not report it."""
+        """Number of bytes pending on the line; 0 if the driver of the port does not report it."""
         try:
             return int(self._port.out_waiting)
         except OSError:
@@ -193,7 +193,7 @@ def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
 
 
 def connected(host: str, port: int, seconds: float) -> socket.socket:
-    """A TCP connection to the first of a host's addresses that accepts one, within `seconds` of wall time.
+    """Connects to the first of a host's addresses that accepts a connection, within `seconds` of wall time.
 
     Raises:
         OSError: the name is unknown, or the connection is not accepted in time.

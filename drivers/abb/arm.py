@@ -18,7 +18,7 @@ from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
-STALE_S = 0.2  # within which a stale acknowledgement follows
+STALE_S = 0.2  # a stale acknowledgement arrives within this time after that sleep
 ANSWER_S = 2.0  # time limit for commands that do not move the arm
 STARVED_S = 2.0  # wall: longest delay of a simulated controller
 QUIET_S = 0.01  # wall: silence after which a reply is complete
@@ -30,10 +30,10 @@ class _CutOffError(ArmError):
 
 
 class Arm(UprightArm):
-    """An arm on an open connection, which it owns; `connect` opens one.
+    """Driver of an arm on an open connection, which the driver owns; `connect` opens a connection.
 
-    The frames of the setup are sent on connecting, unless it is read-only; its limits are checked before
-    every move.
+    Creating the driver sends the frames of the setup, a speed and a fine zone, unless the setup is read-only.
+    The limits of the setup are checked before every move.
 
     Raises:
         ArmError: the other side does not answer as an open_abb server.
@@ -46,7 +46,7 @@ class Arm(UprightArm):
     def __init__(self, stream: Stream, pace: Pace, setup: Setup) -> None:
         super().__init__(stream.endpoint, stream, pace, setup)
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
-        self._text = ""
+        self._text = ""  # received part of that reply
         self._late_s = 0.0  # how much too late the last reply was read
         self._speeds: tuple[float, float] | None = None
         self._drain()
@@ -139,7 +139,7 @@ class Arm(UprightArm):
         return None
 
     def _more(self, seconds: float, code: int) -> bool:
-        """Whether more of the reply to `code` arrived within `seconds`."""
+        """Waits at most `seconds` for more of the reply to `code`, and keeps it; returns whether any came."""
         piece = self._link.receive(seconds).decode("latin-1")
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
@@ -164,7 +164,7 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
-    """Returns an arm on a stream opened by `open_stream`; otherwise as `connect`.
+    """Connects to an arm over a stream that `open_stream` opens; otherwise like `connect`.
 
     The server recreates its sockets after each client, and disconnects clients that connected meanwhile; the
     stream is then opened again, up to `CONNECT_TRIES` times in all.

@@ -25,7 +25,8 @@ HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})
 # Number of fields in the reply to each code. 98 has free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0)
 REPLY_FIELDS |= {3: 7, 4: 6, 5: 6, 32: 1}
-REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}  # of the last number, as set for NumToStr
+# Decimals of the last number of a reply, as SERVER.mod passes them to NumToStr.
+REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}
 
 Quaternion = tuple[float, float, float, float]
 
@@ -74,7 +75,7 @@ def number(value: float, decimals: int) -> str:
 
 
 def command(code: int, *numbers: str) -> bytes:
-    """A command line, to be sent in one piece.
+    """Creates a command line, to be sent in one piece.
 
     Raises:
         ProtocolError: it has more numbers or characters than the server can take.
@@ -88,7 +89,7 @@ def command(code: int, *numbers: str) -> bytes:
 
 
 def pose_numbers(pose: Pose) -> tuple[str, ...]:
-    """Seven numbers of a pose: mm to 0.001, quaternion to 1e-7.
+    """Formats a pose as seven numbers: mm to 0.001, quaternion to 1e-7.
 
     Raises:
         ProtocolError: a number is not finite, or the quaternion not of unit length (RAPID would stop).
@@ -101,7 +102,7 @@ def pose_numbers(pose: Pose) -> tuple[str, ...]:
 
 
 def speed_numbers(speed_mm_s: float, turn_rad_s: float) -> tuple[str, str]:
-    """Two numbers of a speed: mm/s and deg/s to 0.001; raises the errors of `number`."""
+    """Formats a speed as two numbers: mm/s and deg/s to 0.001; raises the errors of `number`."""
     return number(speed_mm_s, 3), number(math.degrees(turn_rad_s), 3)
 
 
@@ -111,10 +112,10 @@ def hand_rotation(angle_rad: float) -> Quaternion:
 
 
 def hand_angle(rotation: Sequence[float]) -> float:
-    """Angle in (-pi, pi] of a hand that points down, from its quaternion (w, x, y, z).
+    """Angle of a hand that points down, from its quaternion (w, x, y, z); rad, from -pi to pi.
 
     Raises:
-        ProtocolError: the hand does not point down (by more than about 2 degrees).
+        ProtocolError: the hand is tilted by more than about 2 degrees.
     """
     w, x, y, z = rotation
     if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
@@ -123,7 +124,7 @@ def hand_angle(rotation: Sequence[float]) -> float:
 
 
 def parse_reply(text: str, code: int) -> Reply | None:
-    """The reply to `code` at the start of `text`, or None while it may still be growing.
+    """Parses the reply to `code`, of which `text` is the received part; None while the reply may still grow.
 
     Replies have no terminator: one with a payload is complete once it has all its fields.
 
@@ -165,7 +166,7 @@ def drop_stale(text: str, code: int) -> str:
 
 
 def parse_numbers(reply: Reply) -> tuple[float, ...]:
-    """The numbers in a reply: of READ_JOINTS six angles in degrees, of READ_POSE mm and a quaternion.
+    """Parses the numbers in a reply: to READ_JOINTS six angles in degrees, to READ_POSE mm and a quaternion.
 
     Raises:
         ProtocolError: a field is not a finite number.

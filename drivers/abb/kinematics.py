@@ -8,12 +8,13 @@ from collections.abc import Iterator
 
 from drivers.abb.codec import Pose, Quaternion
 
+# Lengths of the links, mm.
 BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET = 290.0, 270.0, 70.0
 FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
 LAST_AXIS_DEG = (-400.0, 400.0)
 LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
 IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)
-STEP_MM, STEP_RAD = 100.0, 1.0  # step along a way, so short that no axis turns ambiguously
+STEP_MM, STEP_RAD = 100.0, 1.0  # greatest step of `track`, so short that no axis makes half a turn
 _REACH = math.hypot(FOREARM, ELBOW_OFFSET)  # elbow to wrist centre
 _LIFT = math.atan2(ELBOW_OFFSET, FOREARM)
 
@@ -22,7 +23,7 @@ Joints = tuple[float, ...]
 
 
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Hamilton product: first q, then p."""
+    """Hamilton product p q: the rotation q, followed by the rotation p."""
     pw, px, py, pz = p
     qw, qx, qy, qz = q
     return (
@@ -34,7 +35,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """The inverse rotation."""
+    """Inverts the rotation q."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
@@ -53,7 +54,7 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 
 def invert(a: Pose) -> Pose:
-    """The inverse of a pose."""
+    """Inverts a pose: that of frame A in frame B becomes that of B in A."""
     back = conjugate(a.rotation)
     x, y, z = rotate(back, (-a.x_mm, -a.y_mm, -a.z_mm))
     return Pose(x, y, z, back)
@@ -109,17 +110,20 @@ def within_limits(joints_deg: Joints) -> bool:
 
 
 def inverse(flange: Pose) -> Joints | None:
-    """Inverse kinematics, elbow up and facing the target; None without a solution in the working ranges."""
+    """Inverse kinematics: the joints, deg, at which the flange is at a pose in the base frame.
+
+    The arm faces the target with its elbow up. None if no such joints are in the working ranges.
+    """
     return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
 
 
 def track(
     joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0
 ) -> Iterator[Joints | None]:
-    """Follows a straight path of the flange from given joints, and yields the joints at each step.
+    """Follows a straight path of the flange from given joints, and yields the joints, deg, at each step.
 
-    It stops at the fraction `share` of the path. Joints are continuous, so they may exceed a full turn, and
-    also their working ranges. Where the path leaves the reach, None is yielded and the path ends.
+    The path is followed up to its fraction `share`. The joints are continuous, so they may exceed a full
+    turn, and also their working ranges. Where the path leaves the reach, it yields None and ends.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
@@ -134,13 +138,13 @@ def track(
 
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
-    """Adds whole turns to the joints, so that each is nearest to its value before."""
+    """Adds whole turns to each joint, so that it is nearest to the same joint in `before_deg`."""
     pairs = zip(joints_deg, before_deg, strict=True)
     return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Solves the inverse kinematics, elbow up and facing the target: one solution for each wrist position.
+    """Solves the inverse kinematics, elbow up, facing the target: one solution a configuration of the wrist.
 
     Working ranges are not checked; the list is empty if the pose is out of reach.
     """
@@ -162,7 +166,7 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
-    """Decomposes a rotation into X-Y-X turns, rad.
+    """Decomposes a rotation into X-Y-X turns, those of axes 4 to 6, rad.
 
     There are two solutions, the one with the smaller turn of axis 4 first. If axes 4 and 6 are in line, there
     is only one, with axis 4 at zero.

@@ -32,14 +32,15 @@ START = {
 }
 STOP = {"stopmode": "stop", "usetsp": "normal"}
 PORT = 443
-START_S = 3.0  # from a request, or from the program's start, to its first response
+# longest time from a request, or from the start of the program, to the first response
+START_S = 3.0
 LOOK_S = 0.1  # between two polls: the controller serves some twenty requests a second
 MOST_NUMBER = 8_000_000  # a RAPID num counts exactly up to here
 HINT = "check the address, and that Robot Web Services are reachable from this network"
 
 
 class Arm(UprightArm):
-    """An arm on an open session, which it owns and closes; `connect` opens such a session.
+    """Driver of an arm on an open session, which the driver owns; `connect` opens a session.
 
     After `close`, the RAPID program on the controller keeps waiting for requests.
 
@@ -51,7 +52,8 @@ class Arm(UprightArm):
 
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
         super().__init__(endpoint, rws, pace, setup, within_sphere(setup))
-        self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
+        # Number of the last request; starts at random, not to repeat those of an earlier client.
+        self._moves = secrets.randbelow(MOST_NUMBER)
         try:
             version = self._symbol("sq_version")
         except ArmError as error:
@@ -91,7 +93,7 @@ class Arm(UprightArm):
             self._await("sq_done", motion.budget_s, f"not there after {motion.budget_s:.1f} s")
 
     def _objection(self) -> str:
-        """Why the arm may not be moved; empty if it may."""
+        """Returns why the arm may not be moved; empty if it may."""
         mode = str(self._look("/rw/panel/opmode").get("opmode", "unknown"))
         motors = str(self._look("/rw/panel/ctrl-state").get("ctrlstate", "unknown"))
         if mode.upper() != "AUTO":
@@ -124,7 +126,7 @@ class Arm(UprightArm):
             raise self._lose(
                 "the program pointer could not be set to our module; start it on the pendant"
             )
-        # At its start, the program reports an earlier request as done, which signals that it has begun.
+        # At its start, the program reports any request as done without a motion: a sign that it runs.
         self._next()
         self._link.post(f"{EXECUTION}/start", START, mastership="implicit")
         for _ in self._pace.polls(self._pace.deadline(START_S), LOOK_S):

@@ -16,7 +16,7 @@ SPARE_DEG = 10.0  # margin at both ends of the last axis's range
 # work area.
 SPARE_BLIND_DEG = 90.0
 
-Box = tuple[float, float, float, float, float, float]  # mm: x, y, z from, x, y, z to
+Box = tuple[float, float, float, float, float, float]  # mm: least x, y, z, then greatest x, y, z
 
 
 class Setup(NamedTuple):
@@ -33,7 +33,7 @@ class Setup(NamedTuple):
     wrist: tuple[float, float] = LAST_AXIS_DEG
     # largest distance of the flange from the base, for unknown kinematics; mm
     reach_mm: float = math.inf
-    # sends no setting and refuses every command; poses are then in the frames of the server
+    # whether the driver sends no setting and no motion; poses are then in the frames set in the server
     read_only: bool = False
 
     @property
@@ -87,16 +87,14 @@ def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
 
-def obstacle(
-    start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
-) -> str:
+def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool]) -> str:
     """Returns why the hand cannot move straight from `start` to `target`; an empty string if it can.
 
     Args:
         start: pose of the hand in the work object frame.
-        target: likewise; only the target has to be within the work area.
+        target: pose in the same frame; it has to be within the work area, unlike `start`.
         setup: frames and limits.
-        reaches: whether the flange can be at a pose in the base frame; not used if the base is unknown.
+        reaches: says whether the flange can be at a pose in the base frame; not used if the base is unknown.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -114,14 +112,14 @@ def obstacle(
 
 
 class Wrist(NamedTuple):
-    """The last axis and the hand when the joints were last read; predicts the last axis elsewhere.
+    """Sum of hand angle and last axis when the joints were last read; predicts the hand's range elsewhere.
 
-    The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
-    which looks down: except for axis 1, the sum of hand angle and last axis is constant.
+    The hand points down. Its angle grows with that of axis 1, which points up, and falls with that of the
+    last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
     """
 
-    whole_rad: float  # sum of hand angle and last axis, whole turns counted
-    x_mm: float  # where the hand was, work object frame
+    whole_rad: float  # that sum, whole turns counted
+    x_mm: float  # where the hand was then, in the work object frame
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:

@@ -31,7 +31,7 @@ USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
 CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or "any"
 ANY = "any"
 SHA256 = re.compile(r"(?:[0-9A-Fa-f]{2}:?){32}")
-FACTORY = ("Default User", "robotics")  # as delivered; documented by ABB
+FACTORY = ("Default User", "robotics")  # user and password of a new controller, documented by ABB
 ACCEPT = "application/hal+json;v=2.0"
 FORM = "application/x-www-form-urlencoded;v=2.0"
 State = Mapping[str, Any]
@@ -42,10 +42,7 @@ class RwsError(OSError):
 
 
 class Rws:
-    """A session with a controller; connects at the first request.
-
-    With `read_only` it sends reading requests only.
-    """
+    """A session with a controller; connects at the first request. With `read_only`, `post` is refused."""
 
     def __init__(self, host: str, port: int, pace: Pace, *, read_only: bool = False) -> None:
         self._host, self._port = host, port
@@ -116,7 +113,8 @@ class Rws:
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            with closed_on_error(self):  # what arrives after an error answers no further request
+            # Closed, so that an answer after an error is not taken for that to a later request.
+            with closed_on_error(self):
                 if self._connection is None or self._connection.sock is None:
                     self._connection = self._connected(until)
                 connection = self._connection
@@ -138,10 +136,12 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self, until: float) -> http.client.HTTPSConnection:
-        """Connects before a deadline to a controller that has the stated certificate.
+        """Connects before a deadline, and checks the controller's certificate against the stated one.
 
         Raises:
-            RwsError: the controller has another certificate, none was stated, or its file cannot be read.
+            RwsError: the controller has another certificate, no certificate was stated, or the file of the
+                stated one cannot be read.
+            OSError: no connection in time.
         """
         stated = os.environ.get(CERTIFICATE, "")
         in_file = stated not in ("", ANY) and not SHA256.fullmatch(stated)
@@ -227,7 +227,7 @@ def _states(path: str, body: str) -> list[State]:
 
 
 def _message(text: str) -> str:
-    """The reason that the document of an error states; the beginning of the document if it states none."""
+    """Extracts the reason from the document of an error; without one, the beginning of the document."""
     try:
         return shown(json.loads(text)["status"]["msg"])
     except (ValueError, KeyError, TypeError, RecursionError):

@@ -43,8 +43,8 @@ class Motion(NamedTuple):
 
     start: ArmPose
     target: ArmPose
-    speed_mm_s: float  # greatest speed of the hand's middle
-    turn_rad_s: float  # greatest rate of its turn
+    speed_mm_s: float  # greatest speed of the point between the finger tips
+    turn_rad_s: float  # greatest rate at which the hand turns
     budget_s: float  # time limit, in device seconds
 
 
@@ -56,7 +56,7 @@ class UprightArm(ABC):
         link: the connection, closed with the arm.
         pace: device time.
         setup: frames and limits.
-        reaches: whether the flange can be at a pose in the base frame.
+        reaches: says whether the flange can be at a pose in the base frame.
     """
 
     look_at = "the pendant"  # where to look once the arm's state is unknown
@@ -74,7 +74,7 @@ class UprightArm(ABC):
         self._pace = pace
         self._setup = setup
         self._reaches = reaches
-        self._unknown = ""  # why the state is unknown
+        self._unknown = ""  # why the state is unknown; empty: it is known
         self._at: ArmPose | None = None  # None: unknown, has to be read
         self._angle_rad: float | None = None  # the last known angle, from which the next is counted
         self._wrist: Wrist | None = None
@@ -141,7 +141,7 @@ class UprightArm(ABC):
         return counted.turn_range(x_mm, y_mm, self._setup)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why a straight way is impossible; empty where no obstacle is known."""
+        """Returns why a straight motion is impossible; empty if no reason is known."""
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
     def move_linear(
@@ -163,7 +163,7 @@ class UprightArm(ABC):
             raise ArmError(f"arm not moved: the way to {message} is {reason}")
         if not (speed_mm_s > 0.0 and radius_mm > 0.0):
             raise ArmError(
-                f"arm speed {speed_mm_s} mm/s at {radius_mm} mm; give a positive one, and radius"
+                f"arm speed {speed_mm_s} mm/s at a radius of {radius_mm} mm; both must be positive"
             )
         turn_rad_s = speed_mm_s / radius_mm
         try:
@@ -180,7 +180,10 @@ class UprightArm(ABC):
         self._at, self._angle_rad = end, end.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
-        """Why the hand cannot turn to the target; empty if it can, as when it turns back into its range."""
+        """Returns why the hand cannot turn to the target; empty if it can.
+
+        A hand that starts outside the range of the wrist may turn towards the range.
+        """
         if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
             return "half a turn or more, which the controller may go either way; go it in several motions"
         assert self._wrist is not None  # since the first pose
@@ -206,7 +209,7 @@ class UprightArm(ABC):
 
     @contextlib.contextmanager
     def _stopped_on_error(self, stop: Callable[[], None]) -> Iterator[None]:
-        """Context manager of a motion: any error, also Ctrl-C, stops it; the arm's state is then unknown."""
+        """Context of a motion: calls `stop` on any error, also Ctrl-C; the arm's state is then unknown."""
         try:
             yield
         except BaseException as error:

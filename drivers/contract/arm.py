@@ -17,14 +17,14 @@ from drivers.ports import Arm, PoseOfHand
 class ArmRig(Protocol):
     """Test rig that an author supplies: starts an arm at (0, 0, 100) mm, hand down, 0 rad."""
 
-    far_mm: float  # x of an unreachable place; within 100 mm of the middle all places are reachable
+    far_mm: float  # x of an unreachable place; all places up to 100 mm from 0 in x and y must be reachable
 
     @property
     def moves(self) -> int:
         """Number of motions of the arm so far."""
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Arm]:
-        """A connection through the driver, closed when its context is left."""
+        """Connects through the driver; leaving the context closes the connection."""
 
     def truth(self) -> PoseOfHand:
         """True pose of the hand."""
@@ -40,7 +40,7 @@ class ArmContract:
     """Tests for a driver: derive a class `Test...` from it and implement `make`."""
 
     def make(self) -> ArmRig:
-        """A new rig for each test."""
+        """Creates the rig of one test."""
         raise NotImplementedError
 
     @pytest.fixture

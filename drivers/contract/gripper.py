@@ -18,13 +18,13 @@ class GripperRig(Protocol):
     contact_um: int  # width at which the jaws stop after `put_part`
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Gripper]:
-        """A connection through the driver, closed when its context is left."""
+        """Connects through the driver; leaving the context closes the connection."""
 
     def put_part(self) -> None:
         """Puts something between the jaws."""
 
     def commanded(self) -> bool:
-        """Whether the device ever received a command."""
+        """Whether the device has received any command since the rig was made."""
 
     def commands(self) -> object:
         """A value that changes when the device receives a command."""
@@ -37,7 +37,7 @@ class GripperRig(Protocol):
 
 
 def close(gripper: Gripper, *, fast: bool = False) -> None:
-    """Requests closing with the least force, at the least or the greatest speed."""
+    """Requests closing with the least force, at the least or (`fast`) the greatest speed."""
     gripper.move(-1, gripper.profile.speed_mm_s[fast], gripper.profile.force_n[0])
 
 
@@ -45,7 +45,7 @@ class GripperContract:
     """Tests for a driver: derive a class `Test...` from it and implement `make`."""
 
     def make(self) -> GripperRig:
-        """A new rig for each test."""
+        """Creates the rig of one test."""
         raise NotImplementedError
 
     @pytest.fixture

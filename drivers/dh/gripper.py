@@ -23,7 +23,7 @@ REPEATING = "repeating a write whose answer was lost"
 
 
 class Reading(NamedTuple):
-    """One reading of the gripper: its states, its positions in thousandths, and the control registers."""
+    """One reading of the gripper: states, positions in thousandths of the stroke, and control registers."""
 
     initialised: Initialised
     grip: Grip
@@ -45,7 +45,7 @@ class Reading(NamedTuple):
 
     @property
     def object(self) -> ObjectState:
-        """Whether a part stopped the fingers, and in which direction: that from position to target."""
+        """State of the object; where a part stopped the fingers, the target gives their direction."""
         if not self.ready or self.moving:
             return ObjectState.NONE
         if self.grip is not Grip.CAUGHT:
@@ -54,7 +54,7 @@ class Reading(NamedTuple):
 
 
 class Gripper(PolledGripper[Reading, int]):
-    """A DH gripper; targets are positions. Connecting reads and never writes."""
+    """Driver of a DH gripper; the target of a move is a position, in thousandths. Connecting only reads."""
 
     stale_s = 0.2  # time during which the grip state may still be that of the previous move
 
@@ -66,7 +66,7 @@ class Gripper(PolledGripper[Reading, int]):
         return self._scale.profile
 
     def activate(self) -> None:
-        """Initialises: the fingers open, or close if the gripper is set so; a held part is dropped.
+        """Initialises the gripper: the fingers open, or close if it is set so; a held part is dropped.
 
         The stroke is not calibrated: that closes the fingers on anything between them, and is done with the
         maker's software, once after a change of fingers.
@@ -173,14 +173,16 @@ class Gripper(PolledGripper[Reading, int]):
         self._write(register, value, lambda: self._checked(REPEATING).settings[register] == value)
 
     def _write(self, register: int, value: int, arrived: Callable[[], bool]) -> None:
-        """Writes a register; repeating a position while the fingers move there changes nothing."""
+        """Writes a register, again until a write is acknowledged; a repeated position changes no motion."""
         self._repeat(lambda: self._link.write(register, value), arrived)
 
 
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A DH gripper at `dh:///dev/ttyUSB0`, or at `dh://host:port` behind a serial device server; `?unit=2`.
+    """Opens a DH gripper at `dh:///dev/ttyUSB0`, or at `dh://host:port` behind a serial device server.
+
+    `?unit=2` at the end of the port's name states the slave id.
 
     Raises:
         PortError: the port cannot be opened or is not understood, or the profile is of another make.

@@ -7,7 +7,7 @@ from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
 
 def unit_of(port: str, usual: int) -> int:
-    """The unit that a port's name states, or the usual one.
+    """Parses the unit in a port's name; returns `usual` if the name states none.
 
     Raises:
         PortError: the stated unit is invalid.

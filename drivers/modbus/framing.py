@@ -19,7 +19,7 @@ ERROR_BIT = 0x80
 class RtuFraming:
     """RTU frames with CRC (Modbus over serial line 1.02); answers carry no number of their request."""
 
-    numbered = False
+    numbered = False  # whether answers carry the number of their request
 
     def __init__(self) -> None:
         self._framer = FramerRTU(_decoder())
@@ -27,11 +27,14 @@ class RtuFraming:
         self._decode = lru_cache(256)(self._decoded)
 
     def frame(self, pdu: ModbusPDU) -> bytes:
-        """The bytes of a request."""
+        """Encodes a request."""
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The first frame in received bytes that answers a request by unit, function and length; or None."""
+        """Returns the first frame in received bytes that answers a request; None if there is none.
+
+        Unit, function and content of the frame must be those of an answer to the request.
+        """
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
             if buffer[start] != head[0] or buffer[start + 1] & ~ERROR_BIT != head[1]:
@@ -49,7 +52,7 @@ class RtuFraming:
 
 
 class TcpFraming:
-    """Modbus TCP: a number in the header identifies the request of an answer."""
+    """Modbus TCP frames; a number in the header of an answer identifies its request."""
 
     numbered = True
 
@@ -58,13 +61,16 @@ class TcpFraming:
         self._number = 0
 
     def frame(self, pdu: ModbusPDU) -> bytes:
-        """The bytes of a request, with the next transaction number."""
+        """Encodes a request, and gives it the next transaction number."""
         self._number = self._number % 0xFFFF + 1
         pdu.transaction_id = self._number
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The answer to the last request in received bytes, by its number; skips answers to earlier ones."""
+        """Returns the answer to a request in received bytes, by the number of the request; None without one.
+
+        Answers to earlier requests are skipped.
+        """
         while buffer:
             try:
                 used, answer = self._framer.handleFrame(buffer, pdu.dev_id, pdu.transaction_id)
@@ -88,7 +94,7 @@ def _decoder() -> DecodePDU:
 
 
 def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:
-    """Whether a complete frame answers a request, by its content."""
+    """Whether the content of a complete frame fits a request: function, register address and count."""
     if answer.isError():
         return answer.function_code & ~ERROR_BIT == request.function_code
     if answer.function_code != request.function_code:

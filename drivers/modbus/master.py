@@ -21,7 +21,7 @@ class Refusal(NamedTuple):
     """Meaning of a Modbus exception code, and the remedy."""
 
     sentence: str
-    remedy: str = ""  # empty: the device is another one than expected
+    remedy: str = ""  # empty: `Master.wrong_device` is the remedy
     passes: bool = False  # whether the same request may succeed a moment later
 
 
@@ -47,7 +47,7 @@ EXCEPTIONS = {
 
 
 class Master(StreamLink):
-    """A connection to a gripper; owns the stream, and enforces the deadlines.
+    """A connection to a gripper; owns the stream, and enforces the deadline of each transaction.
 
     Args:
         stream: carries the bytes.
@@ -79,7 +79,7 @@ class Master(StreamLink):
         frame = self._framing.frame(request)
         try:
             self._wait_for_the_line()
-            self._out_of_step = True  # stays so if the request is not answered, or interrupted
+            self._out_of_step = True  # until this request is answered
             self._stream.send(frame)
             reply = self._await_reply(request)
         except OSError as error:
@@ -107,9 +107,9 @@ class Master(StreamLink):
         self.transact(request)
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
-        """The error for a refusal.
+        """Creates the error for a refusal of a request.
 
-        It is a LinkTimeout if the refusal is temporary: reads are then repeated, writes checked.
+        It is a LinkTimeout if the refusal is temporary: callers then repeat reads, and check writes.
         """
         refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
         self._tell("refused", function=request.function_code, exception=code)

@@ -33,9 +33,10 @@ ACTION, GOES = 0, 0x08  # byte 0 of the output block, and its bit rGTO
 WRITE_ORDER = (5, 4, 2, 1, 3, ACTION)
 STOP_ORDER = (ACTION, 5, 4, 2, 1, 3)
 
-# SDO command specifiers: the known client's write of one byte, the standard's read, and what answers them
-# (0x4F or the like, with the data in byte 4). The known client reads with 0x4F, which no standard has.
-# The library's `download` would repeat a failed write when its buffer is collected.
+# SDO command specifiers of requests: a write of one byte, as the known client sends it, and a read as CiA 301
+# defines it; the known client reads with 0x4F, which is no request of CiA 301. A read is answered with 0x4F
+# or the like, with the data in byte 4; `ANSWER_MASK` selects the bits that must equal those of `ANSWERS`.
+# canopen's `download` is not used: it repeats a failed write when its buffer is garbage-collected.
 WRITE_ONE, READ = 0x2F, 0x40
 ANSWER_MASK = 0xE2
 ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
@@ -93,7 +94,16 @@ class CanLink(ReportingLink):
         self._network.disconnect()
 
     def _transact(self, index: int, byte: int, data: int | None = None) -> int:
-        """One expedited transfer: read a byte, or write `data` to it (CiA 301, 7.2.4)."""
+        """Makes one expedited transfer (CiA 301, 7.2.4): reads a byte of a block, or writes `data` to it.
+
+        Args:
+            index: object of the block.
+            byte: number of the byte, from 0.
+            data: value to write; None: the byte is read.
+
+        Returns:
+            The byte read; after a write it has no meaning.
+        """
         self._begin()
         command = READ if data is None else WRITE_ONE
         reply = self._ask(struct.pack("<BHBI", command, index, byte + 1, data or 0), index, byte)
@@ -178,6 +188,6 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
         raise PortError(f"port {port} cannot be opened: {shown(error)}; check `ip link`") from error
-    if not read_only:  # the only data sent before any request; it makes no node move
+    if not read_only:  # starts the node (NMT); this makes no gripper move
         network.send_message(0, bytes((1, where.node)))
     return network

@@ -13,7 +13,7 @@ class Counts:
     """Conversion of the counts of one model.
 
     Raises:
-        PortError: the model is not one whose readings are counts.
+        PortError: the profile has no `counts`.
     """
 
     def __init__(self, profile: GripperProfile | None) -> None:

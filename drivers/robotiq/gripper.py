@@ -14,9 +14,9 @@ from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, fault, is_
 
 # Time limit for reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
-# Pause between two readings: the time for so many counts at the requested speed.
+# Pause between two readings of fingers at rest: the time for so many counts at the requested speed.
 SETTLE_COUNTS = 1.0
-# Distance from the request above which gOBJ 3 contradicts the count (open ends at 3 to 13).
+# Distance from the request above which gOBJ 3 contradicts the count; open jaws stop at 3 to 13.
 ARRIVED_COUNTS = 12
 COMM_SILENCE = 0x09
 
@@ -41,7 +41,7 @@ class Link(Protocol):
 
 
 class Gripper(PolledGripper[Reading, int]):
-    """A Robotiq 2F gripper; targets are counts. Connecting reads and never writes."""
+    """Driver of a Robotiq 2F gripper; the target of a move is a count (rPR). Connecting only reads."""
 
     stale_s = 0.2  # time during which gOBJ may be of the previous move ([SDK] gripper.cpp)
 
@@ -94,8 +94,7 @@ class Gripper(PolledGripper[Reading, int]):
         seen = self._read()
         if seen.activating or (seen.enabled and not seen.activated and not seen.fault):
             self._send({})  # the sweep depends only on rACT, not on rGTO ([M18] p54)
-        # Writing rACT to a gripper that lost power would start the activation sweep; it does not
-        # move anyway.
+        # A gripper that lost power does not move, and writing rACT to it would start the activation sweep.
         elif seen.enabled:
             self._send({**self._image, "rACT": 1, "rGTO": 0, "rPR": seen.echo_counts})
 
@@ -110,7 +109,7 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.echo_counts
 
     def _state(self, seen: Reading, target: int) -> GripperState:
-        # The silence before this request is over, and nothing else is known about it.
+        # Fault 9 reports a silence, which this request has ended.
         code = 0 if seen.fault == COMM_SILENCE else seen.fault
         return GripperState(
             activated=seen.activated,
@@ -138,7 +137,7 @@ class Gripper(PolledGripper[Reading, int]):
             closes = asked >= robotiq.COUNT_CLOSED
             return short <= ARRIVED_COUNTS and (closes or beyond <= ARRIVED_COUNTS)
         way = asked - seen.position_counts
-        if abs(way) <= ARRIVED_COUNTS:  # else the single reading before the move does not decide
+        if abs(way) <= ARRIVED_COUNTS:  # too close to give the direction; the start gives it
             way = asked - start
         return way == 0 or (seen.object_flag == robotiq.OBJ_CONTACT_CLOSING) == (way > 0)
 
@@ -157,9 +156,10 @@ class Gripper(PolledGripper[Reading, int]):
         )
 
     def _send(self, image: dict[str, int]) -> None:
-        """Writes the output block with the values of `image`, and repeats it until it is acknowledged.
+        """Writes the output block with the values of `image`, again until a write is acknowledged.
 
-        Reading back does not suffice, since the input block does not contain speed and force.
+        A write without an acknowledgement is repeated even where the gripper echoes `image`: the input block
+        does not echo speed and force.
         """
         block = pack(OUTPUT_FIELDS, image)
         self._repeat(lambda: self._link.write(block), lambda: self._arrived(image))

@@ -29,17 +29,17 @@ BAUD = 115200
 SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # baud rates of a 2F ([M16] p55)
 SCAN_S = 0.06
 TCP_PORT = 502
-# Numbers of registers to read: the informative ones, or more of the block, whose rest is reserved
-# ([M18] p62).
+# Least and greatest number of registers in a read: those with fields, and the whole block, whose rest is
+# reserved ([M18] p62).
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
 class Wiring(NamedTuple):
-    """Addresses of the register blocks on one kind of link, and the function for reading them."""
+    """Slave id, addresses of the register blocks, and function for reading them, on one kind of link."""
 
     unit: int
     output: int  # address of the first register of the output block
-    input: int
+    input: int  # address of the first register of the input block
     function: int  # Modbus function for reading: 3 or 4
 
 
@@ -49,7 +49,7 @@ SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
 
 
 def read_request(wiring: Wiring, count: int) -> ModbusPDU:
-    """Request for the first `count` registers of the input block."""
+    """Creates a request for the first `count` registers of the input block."""
     kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
     return kind(address=wiring.input, count=count, dev_id=wiring.unit)
 
@@ -96,10 +96,10 @@ class ModbusLink(Master):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A Robotiq gripper on a tty, behind a serial device server (`rtu+tcp://`), or with Modbus TCP (`tcp://`).
+    """Opens a Robotiq gripper on a tty, on a serial device server (`rtu+tcp://`), or on Modbus TCP (`tcp://`).
 
     Raises:
-        PortError: the port is invalid or cannot be opened, or the profile is of another make.
+        PortError: the port is invalid or cannot be opened, or the profile has no `counts`.
         LinkError: there is no answer.
     """
     Counts(profile)  # before anything is opened
@@ -116,7 +116,7 @@ def gripper(
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
-    """The wiring in a port's name after its `?`, with defaults.
+    """Parses the wiring in a port's name, after its `?`; settings that are not named are those of `usual`.
 
     Raises:
         PortError: a setting is invalid, or repeated.

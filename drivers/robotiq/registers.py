@@ -1,4 +1,4 @@
-"""The gripper's register map and fault codes as data, the same on every bus; and decoding of readings.
+"""Register map and fault codes of Robotiq grippers as data, the same on every bus; decodes readings.
 
 Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
 edition, p. 43 and 55; [SDK] Robotiq's C++ SDK. Byte 2k of a block is the high byte of register k.
@@ -13,7 +13,10 @@ from drivers.errors import GripperFault
 
 
 class Field(NamedTuple):
-    """`width` bits of byte `byte`, from bit `shift` up; `source` names the page."""
+    """A field of a register block: `width` bits of byte `byte`, of which `shift` is the lowest.
+
+    `source` names the page of the manual, and says what the values mean.
+    """
 
     name: str
     byte: int
@@ -66,11 +69,12 @@ FAULTS = {
     0x0E: "overcurrent; look for a jammed or overloaded finger, then reset and activate",
     0x0F: "automatic release completed; reset and activate",
 }
+# Classes of faults ([M18] "Fault status"). All other faults are major: only a reset clears them.
 PRIORITY = frozenset({0x05, 0x07})
 MINOR = frozenset({0x08, 0x09})
 
 # Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. The whole stroke of a
-# 2F-140 takes about as long, that of a Hand-E less: deadlines made from these hold for all three.
+# 2F-140 takes about as long, that of a Hand-E less: deadlines computed from these hold for all three.
 SPEED_MIN_MM_S, SPEED_MAX_MM_S = 20.0, 150.0
 OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
 
@@ -94,17 +98,17 @@ def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
 
 
 def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int]:
-    """Unpacks named values from a block of 6 bytes (or more: the rest is reserved)."""
+    """Unpacks the values of all fields, by name, from a block; bytes after the sixth are ignored."""
     return {one.name: block[one.byte] >> one.shift & (1 << one.width) - 1 for one in fields}
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One reading of a 2F gripper, in its counts: 0 open, 255 closed."""
+    """One reading of a 2F gripper; positions are counts: 0 open, 255 closed."""
 
-    activated: bool  # whether it may be moved
+    activated: bool  # whether the activation is complete
     enabled: bool  # gACT, the echo of rACT
-    activating: bool  # whether the fingers sweep to activate it
+    activating: bool  # whether the gripper is being activated, for which the fingers sweep
     going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it
     moving: bool  # whether the fingers are moving
     fault: int  # gFLT
@@ -116,7 +120,7 @@ class Reading:
 
 @lru_cache(1024)  # a gripper at rest repeats itself
 def decode(block: bytes) -> Reading:
-    """Decodes an input block."""
+    """Decodes an input block of at least 6 bytes."""
     fields = unpack(INPUT_FIELDS, block)
     enabled = fields["gACT"] == 1
     going = fields["gGTO"] == 1
@@ -140,7 +144,7 @@ def speed_mm_s_of(speed_counts: int) -> float:
 
 
 def fault_text(code: int) -> str:
-    """Meaning of a gFLT code, and the remedy."""
+    """Returns the meaning of a gFLT code, and the remedy."""
     return FAULTS.get(code, f"unknown fault 0x{code:02X}; reset and activate")
 
 
@@ -150,5 +154,5 @@ def is_major(code: int) -> bool:
 
 
 def fault(code: int, doing: str) -> GripperFault:
-    """The error for a gFLT code met while `doing` something."""
+    """Creates the error for a gFLT code that was read while `doing` (words for the message)."""
     return GripperFault(f"gripper fault 0x{code:02X} while {doing}: {fault_text(code)}")

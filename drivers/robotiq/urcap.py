@@ -3,7 +3,8 @@
 `GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the
 registers: ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read;
 there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
-Answers have no sequence number: after a missing answer, a question with no other use resynchronises.
+Answers have no sequence number. After a missing answer the link therefore resynchronises: it asks for one of
+`FENCES`, for which it asks at no other time, and discards all answers before that one.
 """
 
 import re
@@ -29,13 +30,14 @@ READ = {
     "OBJ": "gOBJ",
     "POS": "gPO",
 }
-# Digits that complete an answer without a line end or a pause; `MOST_DIGITS` for other names.
+# Number of digits with which an answer is complete without a line end or a pause, by name; `MOST_DIGITS` for
+# names that are not listed.
 DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # used only to resynchronise
 QUIET_S = 0.003  # wall: silence after which an answer without a line end is complete
 ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
-MOST_BYTES = 600  # of answers parsed together
+MOST_BYTES = 600  # greatest length of received text that is kept for parsing
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
@@ -46,7 +48,8 @@ class UrcapLink(StreamLink):
         super().__init__(stream, pace, report)
         self._text = b""
         self._active = 0  # ACT as last read
-        self._fences: list[str] = []  # names without pending answers; empty: synchronised
+        # Names to resynchronise with, to which no answer is pending; empty: synchronised.
+        self._fences: list[str] = []
 
     def read(self) -> bytes:
         """Reads the input block, 6 bytes; up to 3 attempts a variable, since reading changes nothing."""
@@ -84,7 +87,7 @@ class UrcapLink(StreamLink):
         self._begin()
         try:
             self._find_step()
-            self._fences = [*FENCES]  # stays so if this request is not answered, or interrupted
+            self._fences = [*FENCES]  # cleared only if this request is answered
             value = self._exchange(line, wanted)
         except OSError as error:
             if isinstance(error, LinkError):
@@ -156,7 +159,7 @@ class UrcapLink(StreamLink):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A Robotiq gripper at `urcap://host`; errors as for `drivers.robotiq.modbus.gripper`."""
+    """Opens a Robotiq gripper at `urcap://host`; raises the errors of `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
     return Gripper(link, pace, report, profile, read_only=read_only)

@@ -40,7 +40,9 @@ class Limits(NamedTuple):
 
 
 class Gripper(PolledGripper[Input, Output]):
-    """A SCHUNK gripper. Connecting only reads; it does not even acknowledge an error.
+    """Driver of a SCHUNK gripper; the target of a move is an output.
+
+    Connecting only reads; errors of the gripper are acknowledged by `activate` alone.
 
     Raises:
         PortError: the stroke of the module is not that of the profile.
@@ -133,15 +135,17 @@ class Gripper(PolledGripper[Input, Output]):
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
         """Sends a command with a changed bit, as the device acts on changes; `wait` then waits for the move.
 
-        Returns the output as sent.
-
         Args:
             output: the command.
             asked: the last output before it.
             seen: the last reading before it.
-            budget_s: time limit of the motion.
+            budget_s: time limit of the motion, device seconds.
+
+        Returns:
+            The output as sent.
         """
-        # A command is an edge of its bit, or of this toggle where the bit is set already.
+        # The device executes a command when its bit is set or, with the bit set already, when this toggle
+        # changes.
         toggled = ~asked.control & Control.REPEAT_TOGGLE
         output = output._replace(control=output.control | toggled)
         self._send(output)
@@ -149,7 +153,7 @@ class Gripper(PolledGripper[Input, Output]):
         return output
 
     def _send(self, output: Output) -> None:
-        """Writes an output, and repeats a lost write, which is safe: without an edge it is no new command."""
+        """Writes an output, again until a write is acknowledged: the same output is no new command."""
         write = partial(self._link.write, "plc_sync_output", *output)
         self._repeat(write, lambda: self._asked() == output)
 
@@ -210,7 +214,9 @@ class Gripper(PolledGripper[Input, Output]):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A SCHUNK gripper at `schunk:///dev/ttyUSB0?unit=12`, or at `schunk://host:port` behind a device server.
+    """Opens a SCHUNK gripper at `schunk:///dev/ttyUSB0`, or at `schunk://host:port` behind a device server.
+
+    `?unit=12` at the end of the port's name states the slave id.
 
     Raises:
         PortError: the port is invalid or cannot be opened, or another gripper is there.

@@ -15,8 +15,8 @@ from drivers.stream import Stream
 
 # A gripper reports ERR_COMM_LOST after a second or two without a request; [BKS] pauses for 0.5 s at most.
 ALIVE_S = 0.2
-# No other parameter that is read has as many registers, so no late answer to an earlier request is taken
-# for its answer. Once it is answered, so are all earlier requests.
+# Parameter to resynchronise with. No other parameter that is read has as many registers, so a late answer to
+# an earlier request is not taken for its answer. Once its answer is there, no earlier answer is pending.
 FENCE = PARAMETERS["sw_version_txt"]
 
 
@@ -35,7 +35,8 @@ class SchunkLink(Master):
     def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int) -> None:
         super().__init__(stream, pace, report, unit)
         self._line = threading.Lock()
-        self._quiet = False  # while nobody waits for the answer
+        # whether a keep-alive request is under way, whose failures are not reported
+        self._quiet = False
         self._let_go = pace.every(ALIVE_S, self._keep_alive)
 
     def read(self, name: str) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ UNIT, BAUD, PARITY = 12, 115200, "E"  # [CM]: slave 12, 115200 bit/s, 8E1, as de
 
 
 class Parameter(NamedTuple):
-    """One parameter: `kind` is the format of its elements as `struct` writes it."""
+    """One parameter; `kind` is the format of its elements for the module `struct`, without byte order."""
 
     code: int
     name: str
@@ -248,6 +248,6 @@ NOT_FEASIBLE: dict[int, str] = {
 
 
 def error_text(code: int) -> str:
-    """Code, meaning and remedy of an error; an unknown one needs SCHUNK's service ([PN] 6)."""
+    """Returns code, meaning and remedy of an error; an unknown error needs SCHUNK's service ([PN] 6)."""
     unknown = f"unknown error 0x{code:02X}; contact SCHUNK's service"
     return f"0x{code:02X}, {ERRORS.get(code, unknown)}"

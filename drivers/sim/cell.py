@@ -29,7 +29,7 @@ class LoneGripper(Site):
 
     Args:
         model: one of `drivers.sim.grippers.SIMULATORS`.
-        seed: of its lags.
+        seed: of the gripper's lags.
         time_scale: simulated seconds per wall second.
     """
 
@@ -44,8 +44,8 @@ class LoneGripper(Site):
 class Cell(Site):
     """A simulated cell: the gripper on the ports of its make, arm and scene on TCP ports.
 
-    All ports of the gripper lead to the same device, and all ports of the arm to the same arm, so a client
-    must use only one port of each.
+    All ports of the gripper lead to one gripper, and all ports of the arm to one arm: clients must use only
+    one port of each.
 
     Args:
         setting: part and world.

@@ -29,9 +29,9 @@ EPILOG = """example:
 
 The gripper is that of the table or job, on a serial port. A Robotiq gripper (115200 8N1, slave 9) is served
 as RTU over TCP, as Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap, too: use one of
-the four. The arm is an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON
-objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the
-table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
+the four. The arm is served as an open_abb server and as a UR controller: use one of the two. The scene takes
+lines of JSON: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through
+the table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
 
 """ + epilog(ExitCode.INPUT)
 
@@ -55,7 +55,7 @@ def parser() -> Parser:
     add("--faults", metavar="SCHEDULE", help=faults)
     middle = "how far off the hand's middle the fingers meet, along its y (default: 0)"
     add("--middle", type=number, default=0.0, metavar="MM", help=middle)
-    block = "a square block stands there, held fast, instead of parts: to measure that middle on"
+    block = "instead of parts, a fixed square block (width, x and y of its centre) to measure --middle on"
     add("--block", type=_block, metavar="MM,X,Y", help=block)
     add("--camera", action="store_true", help="serve what a camera under the table sees")
     views = "instead of serving, write the pictures to calibrate that camera from, and the commands for it"

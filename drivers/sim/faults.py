@@ -27,7 +27,7 @@ class Kind(NamedTuple):
     low: float  # least `value` in a random schedule
     high: float  # largest
     lasts: int  # longest duration in a random schedule, in events
-    meaning: str  # effect; `value` is its parameter
+    meaning: str  # effect of the fault; `value` in it is that of the `Fault`
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
@@ -98,14 +98,14 @@ BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCEN
 class Fault(NamedTuple):
     """A scheduled fault, in effect from event `at` to `at + length - 1` of a part.
 
-    Events are those of its channel, counted from 0 for each part; `part` is None for every part.
+    Events are those of its channel, counted from 0 for each part.
     """
 
-    kind: str
-    part: int | None = None
+    kind: str  # name of its `Kind`
+    part: int | None = None  # number of the part; None: the fault occurs with every part
     at: int = 0
     length: int = 1
-    value: float = 0.0
+    value: float = 0.0  # parameter, of which `Kind.meaning` says the effect
 
     @property
     def channel(self) -> Channel:
@@ -224,6 +224,6 @@ def _written_fault(path: Path, number: int, row: object) -> Fault:
     whole = all(type(count) is int and count >= least for count, least in counts)
     if not whole or type(row.get("value", 0.0)) not in (int, float):
         raise InputError(
-            f"{where}: part, at and length are whole numbers, not negative, and value is a number"
+            f"{where}: part and at are whole numbers from 0, length is one from 1, and value is a number"
         )
     return Fault(**row)

@@ -48,7 +48,7 @@ HINT = "check the address and that RTDE is enabled (Settings, Security, Services
 
 
 class Arm(UprightArm):
-    """An arm on an open RTDE connection, which it owns; `connect` opens one.
+    """Driver of an arm on an open RTDE connection, which the driver owns; `connect` opens a connection.
 
     Args:
         stream: connection to RTDE.
@@ -63,12 +63,13 @@ class Arm(UprightArm):
     def __init__(
         self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup
     ) -> None:
-        # Axis 1 turns the hand by more than its bearing: the arm is offset from the base's middle.
+        # The forearm passes beside the axis of the base: axis 1 turns by more than the hand's bearing.
         super().__init__(stream.endpoint, stream, pace, setup, within_sphere(setup))
         self._open_script = open_script
         self._displaced = False  # whether another program replaced this driver's
         self._fraction = 1.0  # position of the speed slider at the start of the last motion
-        self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
+        # Number of the last move; starts at random, not to repeat those of an earlier client.
+        self._moves = secrets.randbelow(1 << 30)
         try:
             self._rtde = Rtde(stream, pace)
         except OSError as error:
@@ -142,7 +143,7 @@ class Arm(UprightArm):
 
 
 def _pacing(motion: Motion) -> tuple[str, float]:
-    """Returns the pacing argument of `movel` for a motion, and the motion's duration without ramps, s.
+    """Returns the argument of `movel` that paces a motion, and the motion's duration without ramps, s.
 
     `movel` limits only the speed of the tool's point, so a motion that mostly turns gets a duration instead.
     """
@@ -155,19 +156,19 @@ def _pacing(motion: Motion) -> tuple[str, float]:
 
 
 def _objection(seen: Reading) -> str:
-    """Why the arm may not be moved; empty if it may."""
+    """Returns why the arm may not be moved; empty if it may."""
     runs = "a program runs on the controller; stop it first"
     return _stop(seen) or (runs if seen.status_bits & PROGRAM_RUNS else _slider(seen))
 
 
 def _hold(seen: Reading) -> str:
-    """Why a program of this driver does not continue; empty if the controller reports no reason."""
+    """Returns why a program of this driver does not continue; empty if the controller reports no reason."""
     paused = "the program is paused on the pendant; stop it there"
     return _stop(seen) or (paused if seen.runtime_state in PAUSED else _slider(seen))
 
 
 def _stop(seen: Reading) -> str:
-    """Which stop or mode keeps the controller from moving; empty if it is ready."""
+    """Returns which stop or mode keeps the arm from moving, and the remedy; empty if the arm is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
         stops = (name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
         return f"{', '.join(stops) or 'safety state unknown'}; put it right on the pendant"

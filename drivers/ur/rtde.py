@@ -59,7 +59,7 @@ class Reading(NamedTuple):
 
 
 class Rtde:
-    """An RTDE connection on a stream. Opening it agrees on version and fields only.
+    """An RTDE connection on a stream. Creating it only agrees on protocol version and fields.
 
     Raises:
         RtdeError: there is no RTDE, or it lacks a field.

@@ -10,7 +10,7 @@ STOP_M_S2 = 1.0
 
 
 def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
-    """A program that moves the tool straight to a pose and reports its progress in registers.
+    """Creates a program that moves the tool straight to a pose, and reports start and end in registers.
 
     Args:
         number: number of the move, which the registers hold after its start and its end.
@@ -27,7 +27,7 @@ def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
 
 
 def stop() -> bytes:
-    """A program that brakes; it replaces the running one."""
+    """Creates a program that brakes; it replaces the running one."""
     return _program(f"stopl({STOP_M_S2})")
 
 

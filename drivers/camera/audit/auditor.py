@@ -31,7 +31,8 @@ class Answer:
     measured: Pose2 | None = None
     # Measured minus predicted pose; the angle modulo the part's symmetry.
     residual: Pose2 | None = None
-    # Error by eq. 9, mm; for a goal of tolerances, the largest deviation in units of its tolerance.
+    # Error of the predicted pose: by eq. 9, mm, for goals "pose" and "modes"; for "tolerances" and
+    # "orientation" the largest ratio of a deviation to its tolerance.
     distance: float | None = None
     error: float | None = None  # `COVERAGE` standard deviations of `distance`
     moved_mm: float | None = None  # greatest motion of a reference tag since the calibration
@@ -104,8 +105,8 @@ class Auditor:
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Takes a picture and judges one part.
 
-        The verdict is "fail" if the tag of another part is seen, and "unknown", with a reason, if no tag file
-        is for the named part, or if the camera or the measurement fails.
+        The verdict is "fail" if the tag of another part of the table is seen. It is "unknown", with a reason,
+        if no tag file is for the named part, or if the camera or the measurement fails.
 
         Args:
             part: number of the part.
@@ -149,6 +150,6 @@ class Auditor:
         return answer if path is None else replace(answer, picture=str(path))
 
     def _carrier(self, seen: Collection[int]) -> Subject | None:
-        """The only part of the table whose tag is seen; None if there is no such part, or several."""
+        """Returns the part whose tag is seen; None if the tags of no part, or of several parts, are seen."""
         having = [each for each in self.subjects if each.tag.number in seen]
         return having[0] if len(having) == 1 else None

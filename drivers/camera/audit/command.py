@@ -40,7 +40,7 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 
 def parser() -> Parser:
-    """Returns the parser of `grasp-audit judge`, which only lists `report` and `study`."""
+    """Returns the parser of `judge`; it lists `report` and `study`, which other parsers read."""
     purpose = "Was the answer right, in millimetres?"
     built = Parser(prog="grasp-audit", description=purpose, epilog=EPILOG)
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
@@ -56,9 +56,10 @@ def parser() -> Parser:
     add("--tag", type=Path, required=True, action="append", metavar="F", help=tags)
     kept = "keep an overlay of every part that does not pass"
     add("--pictures", type=Path, metavar="DIR", help=kept)
-    limit = "limit of reference tags (default: %(default)s)"
+    limit = "motion of a reference tag above which no part is judged (default: %(default)s)"
     add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
-    answer, growth = "for an answer (default: %(default)s)", "to grow by (default: %(default)s)"
+    answer = "time limit for an answer (default: %(default)s)"
+    growth = "memory that the process may gain before it restarts (default: %(default)s)"
     add("--deadline", type=positive, default=5.0, metavar="S", help=answer)
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help=growth)
     command.add_debug()

@@ -24,7 +24,7 @@ QUALITY = 85
 
 
 def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
-    """Writes an overlay; the folder keeps the newest `MOST_PICTURES`.
+    """Writes an overlay; first deletes overlays of the lowest part numbers beyond `MOST_PICTURES` in all.
 
     Args:
         folder: folder of overlays; created if missing.
@@ -33,7 +33,7 @@ def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
         drawn: the overlay, (h, w, 3).
 
     Returns:
-        The file, or None where it cannot be written: an audit does not depend on overlays.
+        The file; None if it cannot be written, which is no error: an audit does not depend on overlays.
     """
     path = folder / f"part-{part:07d}-{verdict}.jpg"
     try:
@@ -64,11 +64,11 @@ def draw(
         view: of the camera.
         subject: the part's outline and tag.
         predicted: pose that the leaf states, mm, mm, rad.
-        measured: the measurement, or None.
+        measured: the measurement; None without one.
         sentence: verdict and reason.
 
     Returns:
-        (h, w, 3).
+        The drawing, (h, w, 3), blue first.
     """
     canvas = np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), np.uint8)
     outline = subject.outline_mm

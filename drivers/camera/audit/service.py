@@ -22,7 +22,7 @@ from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # share of the deadline for taking a picture, the rest is for measuring
-# Address space for thread stacks and allocators' pools, most of which is never touched.
+# Address space allowed for thread stacks and allocators' pools; most of it is never touched.
 RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
@@ -38,16 +38,17 @@ class Worker:
 
     def __init__(self, make: Callable[[], Auditor], deadline_s: float) -> None:
         self.deadline_s = deadline_s
-        self.asked = False
-        self.why_not: Exception | None = None  # the error for which there is no auditor
+        self.asked = False  # whether there was a question about a part
+        # why the auditor could not be created; None: no error
+        self.why_not: Exception | None = None
         self._make = make
         self._questions: queue.Queue[tuple[int, Pose2, float, str | None]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
-        self._owed = 0
+        self._owed = 0  # number of questions without an answer
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
     def ask(self, part: int, predicted: Pose2, name: str | None = None) -> Answer:
-        """Judges one part; the verdict is "unknown" where this takes longer than `deadline_s`."""
+        """Judges one part; the verdict is "unknown" if there is no answer within `deadline_s`."""
         self.asked = True
         start, deadline_s = time.monotonic(), self.deadline_s
         while self._owed:
@@ -98,7 +99,10 @@ class Lines:
         return bool(self._read) or bool(select.select([self._descriptor], [], [], 0.0)[0])
 
     def next(self) -> bytes | None:
-        """Waits for the next line, cut after `MAX_LINE_BYTES`; None at the end of the pipe."""
+        """Waits for the next line and returns it; None at the end of the pipe.
+
+        A line that is longer than `MAX_LINE_BYTES` loses bytes after these.
+        """
         while b"\n" not in self._read:
             piece = os.read(self._descriptor, 4096)
             if not piece:

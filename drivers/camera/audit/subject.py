@@ -12,6 +12,7 @@ from drivers.planar import Pose2
 from runtime.shell.errors import InputError
 from runtime.table import GoalSpec, Table, hypotheses_of, job_of, load, poses_of
 
+# Greatest differences between the pose in a question and the leaf's pose that it repeats.
 SAME_MM = 1e-3
 SAME_RAD = 2e-6
 
@@ -29,7 +30,7 @@ class Subject:
 
 
 def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
-    """Reads the parts to judge from a table, one for each tag; passes on errors of the table's reader.
+    """Reads the parts to judge from a table, one for each tag; also raises the errors of the table's reader.
 
     Raises:
         InputError: there are several tags but the table is for one part, or a tag's part is not in the table.

@@ -68,32 +68,37 @@ def parser() -> Parser:
     add("--name", required=True, help=text)
     add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
     add("--views", required=True, **DIR, help="pictures of the board, held and tilted")
-    add("--table", required=True, **FILE, nargs="+", help="pictures of it lying on the table")
+    add("--table", required=True, **FILE, nargs="+", help="pictures of the board on the table")
     add("--above", action="store_true", help="the camera looks down, and the board lies face up")
-    add("--board-height", **MM, default=0.0, help="its face above the table (default: 0)")
+    text = "height of the board's face above the table (default: 0)"
+    add("--board-height", **MM, default=0.0, help=text)
     add("--touched", **CSV, help="places of a tag that the arm knows, with pictures")
-    add("--number", **ID, default=0, help="id of that tag, and of the part's")
+    text = "id of the tag in the pictures of --touched, not a reference tag"
+    add("--number", **ID, default=0, help=text)
     add("--references", **FILE, help="a picture of the tags that stay where they are")
-    add("-o", "--output", required=True, **FILE, help="the calibration; a picture beside it")
+    text = "the calibration; a picture of its residuals is written beside it"
+    add("-o", "--output", required=True, **FILE, help=text)
 
     example = "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json"
     add = add_to("tag", run_tag, "where a tag is on its part", example)
     add("--part", required=True, help="name of the part")
-    add("--number", required=True, **ID, help="id of its tag, family 36h11")
+    add("--number", required=True, **ID, help="id of the part's tag, family 36h11")
     add("--side", required=True, **MM, help="edge of the tag's black border")
-    add("--height", **MM, default=0.0, help="its face above the table (default: 0)")
-    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
-    add("--calibration", **FILE, help="of the camera that sees it")
+    text = "height of the tag's face above the table (default: 0)"
+    add("--height", **MM, default=0.0, help=text)
+    text = "pose of the tag on the part, if it is known: mm, mm, rad"
+    add("--at", type=_pose, metavar="X,Y,THETA", help=text)
+    add("--calibration", **FILE, help="of the camera that took the pictures of --poses")
     add("--poses", **CSV, help="poses of the part that the arm knows, with pictures")
     add("-o", "--output", required=True, **FILE, help="the tag file")
 
     purpose = "take pictures, one at each Enter"
     add = add_to("pictures", run_pictures, purpose, "--camera /dev/video0 -o views")
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
-    text = "of a device (default: 1920x1080)"
+    text = "size of the pictures of a /dev/video camera (default: 1920x1080)"
     add("--size", type=_size, default=(1920, 1080), metavar="WxH", help=text)
-    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
-    add("--stem", default="view", help="what their names begin with (default: view)")
+    add("--count", type=int, default=20, metavar="N", help="number of pictures (default: 20)")
+    add("--stem", default="view", help="beginning of the pictures' names (default: view)")
     add("-o", "--output", required=True, **DIR, help="the folder")
     return built
 

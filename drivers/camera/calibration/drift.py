@@ -8,7 +8,7 @@ from drivers.camera.vision.plane import View
 from drivers.camera.vision.tags import Sighting
 from drivers.errors import PictureError
 
-LIMIT_MM = 0.5
+LIMIT_MM = 0.5  # usual limit of the motion of a reference tag
 
 
 def check(
@@ -53,7 +53,7 @@ def check(
 
 
 def place(tag: Sighting, view: View) -> tuple[float, float]:
-    """The middle of a tag on the table, mm: where its diagonals cross."""
+    """Returns the middle of a tag on the table, x and y in mm: the intersection of its diagonals."""
     a, b, c, d = view.on_plane(tag.corners)
     (px, py), (qx, qy) = c - a, d - b
     reach = ((b[0] - a[0]) * qy - (b[1] - a[1]) * qx) / (px * qy - py * qx)

@@ -26,14 +26,14 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place due to the calibration, on a grid of the table."""
+    """Standard deviation, due to the calibration, of a place measured on the table; given on a grid."""
 
     x_mm: Array  # (m,) ascending
     y_mm: Array  # (n,) ascending
-    sigma_mm: Array  # (n, m) in the worst direction
+    sigma_mm: Array  # (n, m) standard deviation in the worst direction
 
     def at(self, x_mm: float, y_mm: float) -> float:
-        """Standard deviation at a place [mm], bilinearly interpolated; it grows away from the grid."""
+        """Standard deviation at a place, mm, bilinearly interpolated; outside the grid it grows."""
         along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
         inside = np.interp(y_mm, self.y_mm, along_rows)
         low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T
@@ -103,7 +103,7 @@ def _parsed(record: dict[str, Any]) -> CameraCalibration:
     lens = Lens(width, height, (fx, fy), (cx, cy), (k1, k2, p1, p2, k3))
     rotation = np.array(record["rotation_world_to_camera"], np.float64).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
-        raise ValueError("its rotation is none")
+        raise ValueError("rotation_world_to_camera is not a rotation")
     view = View(lens, rotation, np.array(record["translation_mm"], np.float64).reshape(3))
     grid = (record[f"trust_{name}_mm"] for name in ("x", "y", "sigma"))
     trust = Trust(*(np.array(values, np.float64) for values in grid))

@@ -15,7 +15,8 @@ LEAST_VIEWS = 8
 LARGEST_RMS_PX = 0.5
 LARGEST_VIEW_RMS_PX = 1.0
 LARGEST_FOCAL_SIGMA = 0.005  # share of the focal length
-CORNER_SHARE = 0.22  # of width and height: corners of a picture, each to be reached by a view
+# Extent of the four corners of a picture, as a share of its width and height; in each a board must be seen.
+CORNER_SHARE = 0.22
 INTRINSICS = 9
 
 
@@ -59,11 +60,11 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
 
 def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
-    """Derivatives of pixels with respect to the nine intrinsics and the pose of a board.
+    """Computes the derivatives of pixels with respect to the nine intrinsics and the pose of a board.
 
     Args:
         lens: the lens.
-        pose: (6,) of the board in the camera.
+        pose: (6,) of the board in the camera: rotation vector and translation, rad and mm.
         points: (n, 3) mm, in the board's frame.
 
     Returns:
@@ -102,7 +103,7 @@ def _check_residuals(rms_px: float, view_rms_px: Array, views: Sequence[BoardVie
 
 
 def _cofactor(slopes: Sequence[Array]) -> Array:
-    """Covariance of the intrinsics and the first pose, for residuals of unit rms.
+    """Computes the covariance of the intrinsics and the first pose, (15, 15), for residuals of unit rms.
 
     The poses of the other views are eliminated by Schur complements.
     """

@@ -15,8 +15,8 @@ from drivers.errors import PictureError
 from drivers.planar import Pose2, compose, relative
 
 LEAST_CORNER_PX = 0.05  # least standard deviation of a corner
-HEIGHT_SIGMA_MM = 0.1
-LARGEST_SCALE_ERROR = 0.02
+HEIGHT_SIGMA_MM = 0.1  # standard deviation of the height of a tag above the table
+LARGEST_SCALE_ERROR = 0.02  # greatest relative error of the measured size of a tag
 
 
 class Measured(NamedTuple):
@@ -25,7 +25,7 @@ class Measured(NamedTuple):
     pose: Pose2  # x, y, theta of the part: mm, mm, rad
     sigma_mm: float  # standard deviation of its place
     sigma_rad: float  # standard deviation of its angle
-    tag: Sighting  # the underlying sighting
+    tag: Sighting  # the tag in the picture
 
 
 def measure(
@@ -80,12 +80,12 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
 
 
 def print_corners(side_mm: float) -> Array:
-    """Corners (4, 2) of a printed tag, mm from its middle, x right, y down, as in `Sighting.corners`."""
+    """Corners (4, 2) of a printed tag, mm from its middle, x right, y down, ordered as `Sighting.corners`."""
     return 0.5 * side_mm * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """Returns the sighting of the part's tag; None if only fixed tags, or none, are seen.
+    """Returns the sighting of the part's tag, `number`; None if only fixed tags, or no tags, are seen.
 
     Raises:
         PictureError: beside the fixed tags, several tags are seen, or one of another number.

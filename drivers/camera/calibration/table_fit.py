@@ -54,11 +54,14 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 
 
 def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
-    """Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
+    """Fits the pose of the arm's world in the board's frame to places that the arm has touched.
 
     Args:
         touched: places in the arm's world, mm.
         seen: the same places in the board's frame, mm.
+
+    Returns:
+        The pose (mm, mm, rad), and the rms of the residuals, mm.
 
     Raises:
         InputError: too few places, too near to one another, or in contradiction.
@@ -106,8 +109,8 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """Computes the standard deviation of measured places on a grid over the visible part of the table.
 
-    It is that of the place on the table that a fixed pixel shows, in the worst direction, when lens and pose
-    of the camera vary according to their covariance.
+    While lens and pose of the camera vary by their covariance, a fixed pixel shows varying places on the
+    table; the standard deviation of these, in the worst direction, is the result.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.
@@ -140,11 +143,14 @@ def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
 
 
 def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
-    """Averages a tag's pose in its part's frame; with standard deviations of place (mm) and angle (rad).
+    """Averages the pose of a tag in the frame of its part.
 
     Args:
         parts: known poses of the part.
         tags: poses of the tag as measured, in the same order.
+
+    Returns:
+        The mean pose (mm, mm, rad), and the standard deviations of its place (mm) and angle (rad).
 
     Raises:
         InputError: there are too few poses, or they contradict one another.

@@ -61,7 +61,7 @@ class Board:
 
 
 def parse(text: str) -> Board:
-    """Parses a board on the command line; raises InputError where it is invalid."""
+    """Parses a board as an option names it; raises an InputError if the text is invalid."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))

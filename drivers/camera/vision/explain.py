@@ -30,7 +30,7 @@ def check_exposure(picture: Picture) -> None:
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
-    """The message for a tag that is not seen.
+    """Returns the message for a tag that is not seen.
 
     Args:
         picture: (h, w).
@@ -65,7 +65,7 @@ def _flattened(
 ) -> Picture | None:
     """Rectifies the plane around the expected place of the tag, to the scale and orientation of the print.
 
-    `across` is the width of the tag's pattern, px. Returns None where the lens cannot see all of it.
+    `across` is the width of the tag's pattern, px. Returns None if the lens cannot show the whole region.
     """
     mm_per_px = tag.side_mm / (SQUARES * PX_PER_SQUARE)
     size = across + 2 * round(SEARCH_MM / mm_per_px)

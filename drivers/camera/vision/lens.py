@@ -16,7 +16,7 @@ UNMOVED = np.zeros(3)
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Intrinsic parameters."""
+    """Intrinsic parameters of a camera; projects rays to pixels and back."""
 
     width: int  # of the picture, pixels
     height: int  # of the picture, pixels
@@ -37,7 +37,7 @@ class Lens:
         return np.asarray(seen, np.float64).reshape(-1, 2)
 
     def rays(self, pixels: Array) -> Array:
-        """Rays of pixels, (n, 2) -> (n, 2) at depth one; NaN where no ray reaches a pixel."""
+        """Computes the rays of pixels, (n, 2) -> (n, 2) at depth one; NaN for a pixel that no ray reaches."""
         pixels, bent = np.ascontiguousarray(pixels, np.float64), np.array(self.distortion)
         straight = cv2.undistortImagePoints(pixels, self.matrix, bent, None, ITERATIONS)
         rays = np.asarray((straight.reshape(-1, 2) - self.centre) / self.focal, np.float64)

@@ -64,11 +64,11 @@ class View:
 
 
 class Fit(NamedTuple):
-    """A rigid motion of the plane that maps one set of points to another."""
+    """The rigid motion of the plane that best maps one set of points to another, and the residual."""
 
     pose: Pose2  # x, y, theta: mm, mm, rad
     rms_mm: float  # root mean square of the residuals, over points
-    scale: float  # scale of the best fit; 1 = the expected size
+    scale: float  # size of the second set relative to the first, which the motion does not contain
 
 
 def as_it_lies(print_mm: Array, from_below: bool) -> Array:
@@ -80,7 +80,7 @@ def as_it_lies(print_mm: Array, from_below: bool) -> Array:
 
 
 def placed(points: Array, pose: Pose2) -> Array:
-    """Transforms points (n, 2) mm of a frame to the frame in which its pose is given."""
+    """Transforms points (n, 2), mm, from a frame with this pose to the frame in which the pose is given."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
 

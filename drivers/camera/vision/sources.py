@@ -15,9 +15,9 @@ from drivers.camera.vision.arrays import Picture
 from drivers.errors import PictureError, shown
 from runtime.shell.errors import UnreachableError
 
-FRESH_FRAMES = 2  # the first frame after the question may have been exposed before it
-POLL_S = 0.005
-RETRY_S = 1.0
+FRESH_FRAMES = 2  # `Stream.picture` returns the second frame from its call on
+POLL_S = 0.005  # between two looks into a folder
+RETRY_S = 1.0  # between two attempts to open a camera
 MAX_PICTURE_BYTES = 64 << 20
 FFMPEG_SAYS_NOTHING = "-8"
 KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
@@ -76,7 +76,7 @@ class Folder(Source):
         self._last = ""
 
     def picture(self, until: float) -> Picture:
-        """The next picture."""
+        """Waits for the next picture until the deadline, and returns it."""
         while (name := self._next()) is None:
             if time.monotonic() >= until:
                 raise UnreachableError(f"folder {self._path} has no further picture")
@@ -116,7 +116,7 @@ class Still(Source):
         self._address = address
 
     def picture(self, until: float) -> Picture:
-        """Requests a picture."""
+        """Requests a picture and returns it."""
         left = max(until - time.monotonic(), 1e-3)
         try:
             within = opener(until, MAX_PICTURE_BYTES)
@@ -159,7 +159,7 @@ class Stream(Source):
         self._thread.start()
 
     def picture(self, until: float) -> Picture:
-        """Waits for the second frame from now, since the first may have been exposed before the call."""
+        """Returns the second frame from now, since the first may have been exposed before the call."""
         with self._changed:
             wanted = self._frames + FRESH_FRAMES
             while self._frame is None or self._frames < wanted:
@@ -207,7 +207,7 @@ class Stream(Source):
 
 
 def decoded(data: bytes, name: str) -> Picture:
-    """Decodes a picture; raises PictureError where the data is not one."""
+    """Decodes a picture file to grey levels, (h, w); raises a PictureError if the data is no picture."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     if picture is None:
         raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")
@@ -215,7 +215,7 @@ def decoded(data: bytes, name: str) -> Picture:
 
 
 def grey(frame: Picture) -> Picture:
-    """A frame in grey levels, from any format."""
+    """Converts a frame (h, w, 3), blue first, to grey levels; returns a frame (h, w) as it is."""
     if frame.ndim != 3:
         return frame
     return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8)

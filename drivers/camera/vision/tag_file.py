@@ -16,13 +16,13 @@ LENGTHS = ("side_mm", "height_mm", "sigma_mm", "sigma_rad")
 
 @dataclass(frozen=True, slots=True)
 class PartTag:
-    """A tag on a part."""
+    """A tag on a part, its size and its pose on the part."""
 
     part: str  # name of the part
     number: int  # the tag's id
     side_mm: float  # edge of its black border
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
-    height_mm: float = 0.0  # of its face above the table
+    height_mm: float = 0.0  # height of the tag's face above the table
     sigma_mm: float = 0.0  # standard deviation of `on_part`'s place
     sigma_rad: float = 0.0  # standard deviation of `on_part`'s angle
 

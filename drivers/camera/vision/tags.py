@@ -1,7 +1,7 @@
 """Detection of tags: OpenCV detects and reads them, `drivers.camera.vision.edges` refines their corners.
 
-OpenCV's own refinements are not used: where squares are small, the sub-pixel refinement searches within
-about a pixel only; that of AprilTag takes a second per picture, and places a pixel's origin at its corner
+OpenCV's own refinements are not used. Where squares are small, the sub-pixel refinement searches within about
+a pixel only. AprilTag's refinement takes a second per picture, and places a pixel's origin at its corner
 instead of its centre.
 """
 
@@ -34,11 +34,11 @@ class Sighting(NamedTuple):
 
     number: int  # its id
     corners: Array  # (4, 2) pixels: upper left, upper right, lower right, lower left of the print
-    rms_px: float  # straightness of its sides
+    rms_px: float  # rms distance of the edge points from the straight sides
 
 
 def find(picture: Picture) -> list[Sighting]:
-    """All tags of the family whose four sides are seen, sorted by id."""
+    """Detects all tags of `FAMILY` whose four sides are seen; returns them sorted by id."""
     results = []
     for number, corners in _read(cv2.aruco.DICT_APRILTAG_36h11, picture):
         refined = edges.refine(picture, corners, SQUARES)
@@ -48,7 +48,7 @@ def find(picture: Picture) -> list[Sighting]:
 
 
 def families_seen(picture: Picture) -> list[str]:
-    """Names of other tag families in a picture; slow, only to explain why no tag of ours is seen."""
+    """Names of `OTHER_FAMILIES` in a picture; slow, only to explain why no tag of `FAMILY` is seen."""
     return [name for name, code in OTHER_FAMILIES.items() if any(_read(code, picture))]
 
 

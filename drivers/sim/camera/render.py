@@ -19,7 +19,7 @@ Picture = NDArray[np.uint8]
 Levels = NDArray[np.float32]
 
 SAMPLES = 4
-BEHIND_TONE = 0.45
+BEHIND_TONE = 0.45  # reflectance, 0 to 1, where there is no card
 # Moment of the exposure of each sample: any order without a spatial pattern will do.
 MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
@@ -121,7 +121,7 @@ def _outline(card: Card) -> Array:
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
-    """Rows and columns of the picture that contain these points; None: they lie outside the picture."""
+    """Rows and columns of the picture that contain these points; None if all lie outside the picture."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3

@@ -24,7 +24,7 @@ class Rig:
 
     optics: Optics  # the camera
     flaws: Flaws  # of its pictures
-    # Id of the part's tag; of several parts, that of the first: the ids of the others follow it.
+    # Id of the part's tag. With several parts, their tags have consecutive ids from this one on.
     number: int = 7
     side_mm: float = 22.0  # edge of the tags' black borders
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad

@@ -1,4 +1,4 @@
-"""The open_abb server (`RAPID/SERVER.mod`) with an IRB 120 behind it, over simulated time; no sockets."""
+"""The open_abb server (`RAPID/SERVER.mod`) and its IRB 120, simulated over time; without sockets."""
 
 import bisect
 import math
@@ -100,8 +100,8 @@ class ArmModel:
     ) -> None:
         self._acceleration = acceleration
         self._desk, self._rng = desk or Desk(Listed()), random.Random(f"{seed}/arm")
-        self.halted = ""
-        self.moves = 0
+        self.halted = ""  # why RAPID execution has stopped; empty: it has not
+        self.moves = 0  # number of motions so far
         self._base = base
         self._message = rapid.Message()
         self._tool = IDENTITY
@@ -138,7 +138,7 @@ class ArmModel:
         return self._line(tip, speed, now_s)[1]
 
     def stop(self, now_s: float) -> None:
-        """Stops at once."""
+        """Stops the arm at once, without deceleration."""
         here, joints = self.flange_at(now_s), self.joints_at(now_s)
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]

@@ -91,7 +91,7 @@ class DhModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def _dropped(self) -> None:
-        """Called when the held part is lost: lets the fingers close on to the requested position."""
+        """Called when the held part is lost: the fingers go on closing to the requested position."""
         if self._initialised is Initialised.YES:
             self._go(dropped=True)
 

@@ -23,7 +23,7 @@ CURRENT_HOLD, CURRENT_DECAY_S = 0.3, 0.15  # the screw drive holds with less tha
 
 FAULT_DELAYED, FAULT_INACTIVE, FAULT_SILENCE = 0x05, 0x07, 0x09
 FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
-LEAST_MAJOR = 0x0A  # lesser faults of a schedule only show in readings
+LEAST_MAJOR = 0x0A  # scheduled faults with a lower code only show in readings, and stop nothing
 
 BLOCK_WORDS = 8
 GOES = 0x08  # rGTO in byte 0 of the output block
@@ -65,7 +65,7 @@ class GripperModel(Fingers):
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
-        """Stops the fingers and deactivates the gripper, with the number of a fault or 0."""
+        """Stops the fingers, deactivates the gripper and sets its fault code; 0: no fault."""
         self._stand()
         self._legs: list[int] = []  # counts that the activation sweep still has to visit
         self._status, self._fault = robotiq.STA_RESET, fault
@@ -147,7 +147,7 @@ class GripperModel(Fingers):
             self.fail(code, now_s)
 
     def _dropped(self) -> None:
-        """Called when the held part is lost: lets the jaws close on to the requested position."""
+        """Called when the held part is lost: the jaws go on closing to the requested position."""
         if self._ready() and self._request["rGTO"]:
             self._go(meets=False)
 

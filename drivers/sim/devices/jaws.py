@@ -131,7 +131,7 @@ class Fingers(ABC):
 
     @abstractmethod
     def _dropped(self) -> None:
-        """Called when the held part has slipped out; a make lets the fingers close on."""
+        """Called when the held part has slipped out; in a make, the fingers then go on closing."""
 
     @abstractmethod
     def _forget(self) -> None:

@@ -39,7 +39,7 @@ MODULES = {
 _COMMANDS = {command.value: command.name for command in Command}
 
 
-# Status bits at the end of a motion; of a blocked one, which ends in an error, none.
+# Status bits that are set at the end of a motion; none for a blocked motion, which ends in an error.
 REACHED = Status.SUCCESS | Status.POSITION_REACHED
 EMPTY = Status.NO_WORKPIECE
 HELD = Status.SUCCESS | Status.GRIPPED
@@ -114,7 +114,7 @@ class SchunkModel(Fingers):
     # -- parameters -------------------------------------------------------------------------------
 
     def read(self, name: str, now_s: float) -> bytes:
-        """The bytes of a parameter, as the last refresh before `now_s` left them."""
+        """Returns the bytes of a parameter as of the last refresh before `now_s`."""
         self.next_request(now_s)
         self._refresh(now_s)
         return PARAMETERS[name].pack(*self._values(name))
@@ -189,7 +189,7 @@ class SchunkModel(Fingers):
             self.fail(SUPPLY, now_s)
 
     def _dropped(self) -> None:
-        """Called when the held part is lost: lets the fingers close on to the end of their range."""
+        """Called when the held part is lost: the fingers go on closing to the end of their range."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)

@@ -36,10 +36,10 @@ class Geometry(NamedTuple):
     gripper: GripperProfile
     squeeze_height_mm: float
     retreat_height_mm: float
-    radius_mm: float
-    halfwidth_rad: float
+    radius_mm: float  # greatest distance of a new part from the origin
+    halfwidth_rad: float  # greatest angle of a new part, to either side
     height_mm: float | None = None  # of the part
-    acceleration_mm_s2: float | None = None  # of the arm, None: instantaneous
+    acceleration_mm_s2: float | None = None  # of the arm; None: it reaches its speed at once
     turn_radius_mm: float = TURN_RADIUS_MM  # radius that converts it to the acceleration of a turn
 
     @property
@@ -84,12 +84,12 @@ class Setting(NamedTuple):
     # Offset of the point where the fingers meet from the hand's middle, along the hand's y.
     middle_mm: float = 0.0
     block: Block | None = None  # a fixed block instead of parts
-    # Share and job of each part, if there are several
+    # Share and job of each part; empty: there is one part
     parts: tuple[tuple[float, Any], ...] = ()
     pushing: bool = False  # whether the table pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
-        """Makes one world for each possible part.
+        """Creates one world for each part that may lie on the table.
 
         Raises:
             UsageError: the factory fails, or a world lacks a method that the scene needs.
@@ -146,7 +146,11 @@ def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> S
 
 
 def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
-    """Name and factory of a world; by default the planner's, or a rehearsal if the planner is missing."""
+    """Finds the factory of a world; by default the planner's world, or a rehearsal if the planner is missing.
+
+    Returns:
+        Name and factory of the world.
+    """
     try:
         return name or DEFAULT_WORLD, find_factory(name or DEFAULT_WORLD)
     except WorldError as error:
@@ -164,7 +168,7 @@ def _planner_job() -> Any:
 
 
 def job_geometry(job: Any) -> Geometry:
-    """The `Geometry` that a parsed job states."""
+    """Creates the geometry that a parsed job states."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
     timing = import_module("planner.job.cell").timing_of(job)
     heights = cell.squeeze_height_mm, cell.retreat_height_mm
@@ -180,7 +184,7 @@ def _height_mm(job: Any) -> float | None:
 
 
 def table_geometry(table: tables.Table) -> Geometry:
-    """The `Geometry` that a decision table states; a rehearsal's values where it states none."""
+    """Creates the geometry that a decision table states, with the region of a rehearsal's part."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm

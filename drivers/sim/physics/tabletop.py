@@ -18,7 +18,7 @@ class Look(NamedTuple):
     """What a camera under the table has in view."""
 
     pose: Pose2 | None  # pose of the part; None: there is no part, or the world has no poses
-    strange: bool = False  # whether it is another part than expected
+    strange: bool = False  # whether the part is a foreign part
     second: Pose2 | None = None  # pose of a second part; None: there is none
     covered: bool = False  # whether something covers the lens
     moved_mm: float = 0.0  # displacement of the camera
@@ -26,7 +26,7 @@ class Look(NamedTuple):
 
 
 class TableTop:
-    """The part on the table and its motions by the fingers.
+    """The part on the table; moves it as the fingers push, hold or release it.
 
     Args:
         setting: part and world.
@@ -159,7 +159,7 @@ class TableTop:
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _drawn(self, part: int) -> int:
-        """Draws which of the possible parts lies there, by their shares; returns its index."""
+        """Draws by the shares which of the possible parts lies on the table; returns its index."""
         if not self._shares:
             return 0
         draw = random.Random(f"{self._seed}/hypothesis/{part}")

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from drivers.clock import LINK_TIMEOUT_S, Clock
 
 AFTER_S = 1e-6  # delay of a poll after the change of the device that it waits for
-EPOCH = datetime(2000, 1, 1, tzinfo=UTC)  # when every simulated cell comes up
+EPOCH = datetime(2000, 1, 1, tzinfo=UTC)  # date and time at second 0 of every virtual clock
 
 
 class VirtualClock(Clock):
@@ -27,11 +27,11 @@ class VirtualClock(Clock):
         return self._coming[0][0] if self._coming else math.inf
 
     def now(self) -> float:
-        """Seconds since the cell came up."""
+        """Virtual seconds since the clock was created."""
         return self._now
 
     def deadline(self, seconds: float) -> float:
-        """The time at which `seconds` have passed, and enough for one last poll of a device."""
+        """The time at which `seconds` have passed, plus a margin for one last poll of a device."""
         return self._now + seconds + LINK_TIMEOUT_S
 
     def stamp(self) -> str:

@@ -99,8 +99,8 @@ class ArmPort:
     clock: VirtualClock
     stands: Callable[[], None]  # called when an instruction is over
     overheard: Callable[[str], None] | None = None  # receives each string
-    free_s: float = 0.0
-    stale: str = ""
+    free_s: float = 0.0  # time from which on the controller can execute the next string
+    stale: str = ""  # acknowledgement that the next client receives
 
     def connect(self) -> "ArmConnection":
         """Connects a client, which first receives an acknowledgement left over from its predecessor."""
@@ -111,7 +111,7 @@ class ArmPort:
         return connection
 
     def execute(self, text: str, connection: "ArmConnection") -> None:
-        """Executes one received string; its acknowledgement is sent when the instruction is over."""
+        """Executes one received string; sends the acknowledgement when the instruction is over."""
         if self.overheard is not None:
             self.overheard(text)
         start_s = max(self.clock.now() + TURNAROUND_S, self.free_s)

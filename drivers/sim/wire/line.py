@@ -16,14 +16,14 @@ NETWORK_BYTE_S = 8 / 100e6  # 100 Mbit/s
 
 
 class Piece(NamedTuple):
-    """Bytes of a reply that arrive together, `delay_s` later than without a fault."""
+    """Bytes that reach the host together, `delay_s` (simulated) later than without a fault."""
 
     data: bytes
     delay_s: float = 0.0
 
 
 class UnpluggedError(OSError):
-    """The port is gone; `forbidden`: it may not be opened again either."""
+    """The port is gone; if `forbidden`, it exists but may not be opened again."""
 
     def __init__(self, *, forbidden: bool) -> None:
         super().__init__(errno.EIO, "the port is gone")
@@ -51,9 +51,13 @@ class Line:
         return self.desk.holds("request_lost") is None
 
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """The pieces that reach the host after a request: echo and noise, if any, then the reply.
+        """Returns the pieces that reach the host after a request: echo and noise, if any, then the reply.
 
-        Current faults may lose, damage, delay or repeat the reply, which is None if the gripper is silent.
+        Current faults may lose, damage, delay or repeat the reply.
+
+        Args:
+            frame: the request.
+            reply: the answer of the gripper; None: it is silent.
         """
         faults = {fault.kind: fault for fault in self.desk.holding(Channel.LINE)}
         pieces = [Piece(frame)] if "echo" in faults else []

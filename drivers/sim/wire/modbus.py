@@ -1,4 +1,4 @@
-"""Modbus slave: the requests that a gripper knows. Pure functions on bytes.
+"""Modbus slave: answers the requests that a gripper knows. Pure functions on bytes.
 
 A gripper never sends exception frames: unsupported requests get no answer ([M16] p55, [ME] p53).
 """

@@ -59,7 +59,7 @@ class Slave:
 
     @property
     def patience_s(self) -> float | None:
-        """Silence on the line after which an incomplete frame is dropped, wall seconds; None: none is."""
+        """Silence after which an incomplete frame is to be dropped, wall seconds; None: drop nothing."""
         return self.gap_s if self._buffer else None
 
     def reply(self, frame: bytes) -> bytes | None:
