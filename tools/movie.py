@@ -19,25 +19,25 @@ from runtime.table import Table, decide, decision_map, error_mm, poses_of
 MU = 0.5
 OUTLINES = 30  # most outlines of one belief
 ARRIVE_S, CLOSE_S, READ_S, OPEN_S, END_S = 0.5, 1.3, 1.1, 0.4, 2.8
-CLOSING = 14  # drawn moments of a closing
-TOUCH = 0.4  # share of these moments before the part moves
+CLOSING = 14  # keyframes of a closing
+TOUCH = 0.4  # share of these keyframes before the part moves
 
 
 class Squeeze(NamedTuple):
     """One squeeze of the shown part."""
 
-    node: int
-    hand: Array  # (3,) grasp pose in the world
-    states: Array  # (CLOSING, 4) pose of the part in the world, and width, at equal intervals
-    reading_um: int  # as the gripper reads it
+    node: int  # index of the table's node
+    hand: Array  # (3,) grasp pose in the world [mm, mm, rad]
+    states: Array  # (CLOSING, 4) pose of the part in the world, and width, at the keyframes
+    reading_um: int  # width as the gripper reads it
 
 
 class Story(NamedTuple):
-    """One part's way through the table: its squeezes, its leaf and the error there."""
+    """The path of a part through the table: its squeezes, its leaf and the leaf's error."""
 
     squeezes: list[Squeeze]
-    leaf: int
-    error_mm: float  # of the leaf's pose
+    leaf: int  # index of the leaf
+    error_mm: float  # of the pose that the leaf states
 
 
 def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
@@ -55,10 +55,11 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """Simulates a part through the table from a pose (3,) in the world, with nominal friction.
+    """Simulates a part that starts at a pose (3,) in the world, with nominal limit surface and friction `MU`.
 
     Returns:
-        Its way, or None if it is not located by exactly `squeezes` squeezes, or if a node drags it.
+        The path of the part through the table; None if the part is not located by exactly `squeezes` squeezes
+        or if a node drags it.
     """
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
@@ -160,6 +161,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
 
 
 def _belief(poses: Array) -> dict[str, object]:
+    """The outlines of a belief for the template: at most `OUTLINES` poses, and the opacity of each."""
     few = subsample(poses, OUTLINES)
     return {"poses": few, "opacity": round(canvas.overlay_opacity(len(few), 0.75), 4)}
 
