@@ -11,6 +11,7 @@ from planner.belief.particles import subsample
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
@@ -125,7 +126,6 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
             "angle": math.degrees(squeeze.hand[2]),
             "width": squeeze.reading_um / 1e3,
             "belief": _belief(beliefs.visits[squeeze.node].before),
-            "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
             "believed": _seen(max(begun - 0.3, 0.0), begun, shut_s, shut_s + 0.6, total_s),
         }
         hands.append(hand)
@@ -134,8 +134,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     times = [time for time, _ in moving]
     turns = np.degrees(np.unwrap([state[2] for _, state in moving]))
     leaf = beliefs.leaves[story.leaf]
-    jaws = Simulator.of_job(job, workers=1).jaws
-    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    jaws = jaws_of(job.gripper)
     text = Path(__file__).with_suffix(".svg").read_text()
     template = canvas.template("tree.svg").environment.from_string(text)
     return template.render(
@@ -145,7 +144,6 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         length=jaws.length_mm,
         thickness=jaws.thickness_mm,
         half=0.5 * jaws.opening_mm + jaws.thickness_mm + 1.0,
-        reach=reach,
         error=story.error_mm,
         shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
         turn=Track(times, [f"{angle:.1f}" for angle in turns]),
@@ -154,8 +152,6 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
             "belief": _belief(leaf),
             "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
             "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]),
-            "number": story.leaf,
-            "success": table.leaves[story.leaf].success,
         },
     )
 

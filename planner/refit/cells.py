@@ -155,17 +155,13 @@ class Cells:
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Runs parts through the table in the cell at a point (d + 1,)."""
-        values = self.values_at(point)
+        values = {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
         friction = values["finger_part_min"], values["finger_part_max"]
         simulator = replace(self.simulator, friction=friction)
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
         off = Off(all_alike=self._traits(values, int(point[-1])))
         return Cell(self.program, self.job, world, off, rng).run(parts)
-
-    def values_at(self, point: Array) -> dict[str, Any]:
-        """The values of the quantities at a point (d + 1,), by key."""
-        return {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
 
     def surface_entries(self) -> Array:
         """The matrices of the nominal limit surfaces (surfaces, k), each flattened, the job's first."""

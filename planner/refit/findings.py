@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.belief.doubts import closing_mm
 from planner.job.model import Job
 from planner.mechanics.limit_surface import LimitSurface
@@ -108,7 +109,7 @@ def _pressed(posterior: Posterior) -> Finding:
     return Finding("pressure", stated, stated, best, learned, sentence)
 
 
-def surface_shares(posterior: Posterior) -> Any:
+def surface_shares(posterior: Posterior) -> Array:
     """The probabilities (surfaces,) of the limit surfaces, the job's first."""
     numbers = posterior.cells[:, -1].astype(np.int64)
     return np.bincount(numbers, minlength=posterior.space.surfaces) / len(numbers)

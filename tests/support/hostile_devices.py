@@ -64,18 +64,17 @@ ROWS = {
     "camera": 1,
 }
 GRIPPERS = ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap")
-SIMULATED = ("scene", "camera")  # heard by runs with --port sim
+SIMULATED = ("scene", "camera")  # only runs with --port sim call these
 SCALE = 12.0
 SPARE_S = 2.0
 HANG_S = 240.0
-URCAP_CALLS = 1000  # of a run
-NEVER = 1 << 40  # a call that no run comes to
-CODES = {0, 10, 20, 21}  # 10: the jaws met no part, where the arm is not the cell's
+URCAP_CALLS = 1000  # calls of a run to the URCap, about
+CODES = {0, 10, 20, 21}  # 10 (rejected): the jaws meet no part if another arm moves
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
-# By when a run ends whose device does not answer: the call's own deadline and, for the gripper, as much again
-# for the safe sequence. A motion of the arm may take its own time, and has 3 device seconds for its ramps.
-MOTION_S = 8.0
+MOTION_S = 8.0  # time for a motion of the arm, including 3 device seconds for its ramps
+# Time in which a run ends if its device does not answer: the deadline of the call and, for the gripper, as
+# much again for the safe sequence; for other devices the time of a motion.
 DEADLINES_S = {
     **dict.fromkeys(GRIPPERS, 2.0 * _TRIES_S + LINK_TIMEOUT_S),
     "arm": 2.0 + MOTION_S,
