@@ -29,7 +29,7 @@ METHODS = {
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
-    """Charts the share of located parts in each experiment of Table I: of the paper's robot, and simulated.
+    """Charts the share of located parts in each experiment of Table I, of the paper's robot and simulated.
 
     As in the paper, a simulated part counts as located if the pose that the plan states is within the goal,
     even if the plan reports the pose as uncertain.
@@ -102,8 +102,8 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
 def calibration(kept: Mapping[str, Any]) -> Figure:
     """Charts how well predicted pushes are calibrated: the share of measurements in predicted intervals.
 
-    For x, y and turn, it plots the share of the measured coordinates in an interval over the share of the
-    simulated draws in it. `kept` is the result of `bench_contact.py`.
+    For x, y and turn, it plots the share of measured coordinates that lie in an interval over the share of
+    simulated draws that lie in it. `kept` is the result of `bench_contact.py`.
     """
     figure = canvas.blank(WIDTH_IN, 3.4)
     panels = canvas.panels(figure, 1, 3, 3)

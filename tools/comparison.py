@@ -1,7 +1,6 @@
-"""Compares methods: compiles and evaluates jobs with each; gives figures for JSON, and Markdown.
+"""Compares methods of planning: compiles a job with each, evaluates the table, and formats the figures.
 
-All methods are evaluated in the stochastic contact world of the row, with fresh seeds, whatever the planner
-assumed.
+All tables of a row are evaluated in the row's contact world, with fresh seeds, whatever the planner assumed.
 """
 
 import tomllib
@@ -33,18 +32,18 @@ class Row(NamedTuple):
     part: str  # folder of `trees/`
     materials: str = ""  # of finger and part, for people
     paper: float | None = None  # success rate that the paper reports; None without one
-    # Values of the job that differ from the file, each as "section.key=value".
+    # Changes of the job file, each as "section.key=value".
     job: tuple[str, ...] = ()
-    # Values that differ in the evaluation's world, which the planner does not know.
+    # Further changes that apply to the world of the evaluation only; the planner does not know them.
     world: tuple[str, ...] = ()
 
 
 class Method(NamedTuple):
-    """A way to plan: a name, and the values of the job that select it."""
+    """A way to plan: a name, and the changes of the job that select it, as in `Row`."""
 
     name: str
     job: tuple[str, ...] = ()
-    world: tuple[str, ...] = ()  # values that differ in the world of every row
+    world: tuple[str, ...] = ()  # changes of the world of every row
 
 
 # The default; the default with the measured scatter of friction with the table; the default without

@@ -1,4 +1,4 @@
-"""Common parts of the tools: the checkout, its environment, and the form of a command line."""
+"""Common parts of the tools: paths of the checkout, its virtual environment, and the command-line parser."""
 
 import argparse
 import os
@@ -19,7 +19,7 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 
 
 def enter() -> None:
-    """Re-executes in the environment of tools/demo or tools/check, if there is one."""
+    """Replaces this process by one with the Python of the checkout's .venv, if that exists and is another."""
     python = ROOT / ".venv" / "bin" / "python"
     if python.exists() and Path(sys.prefix) != python.parents[1]:
         os.execv(python, [str(python), *sys.argv])

@@ -11,6 +11,7 @@ from planner.belief.particles import subsample
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
@@ -19,25 +20,25 @@ from runtime.table import Table, decide, decision_map, error_mm, poses_of
 MU = 0.5
 OUTLINES = 30  # most outlines of one belief
 ARRIVE_S, CLOSE_S, READ_S, OPEN_S, END_S = 0.5, 1.3, 1.1, 0.4, 2.8
-CLOSING = 14  # drawn moments of a closing
-TOUCH = 0.4  # share of these moments before the part moves
+CLOSING = 14  # keyframes of a closing
+TOUCH = 0.4  # share of these keyframes before the part moves
 
 
 class Squeeze(NamedTuple):
     """One squeeze of the shown part."""
 
-    node: int
-    hand: Array  # (3,) grasp pose in the world
-    states: Array  # (CLOSING, 4) pose of the part in the world, and width, at equal intervals
-    reading_um: int  # as the gripper reads it
+    node: int  # index of the table's node
+    hand: Array  # (3,) grasp pose in the world [mm, mm, rad]
+    states: Array  # (CLOSING, 4) pose of the part in the world, and width, at the keyframes
+    reading_um: int  # width as the gripper reads it
 
 
 class Story(NamedTuple):
-    """One part's way through the table: its squeezes, its leaf and the error there."""
+    """The path of a part through the table: its squeezes, its leaf and the leaf's error."""
 
     squeezes: list[Squeeze]
-    leaf: int
-    error_mm: float  # of the leaf's pose
+    leaf: int  # index of the leaf
+    error_mm: float  # of the pose that the leaf states
 
 
 def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
@@ -55,10 +56,11 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """Simulates a part through the table from a pose (3,) in the world, with nominal friction.
+    """Simulates a part that starts at a pose (3,) in the world, with nominal limit surface and friction `MU`.
 
     Returns:
-        Its way, or None if it is not located by exactly `squeezes` squeezes, or if a node drags it.
+        The path of the part through the table; None if the part is not located by exactly `squeezes` squeezes
+        or if a node drags it.
     """
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
@@ -124,7 +126,6 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
             "angle": math.degrees(squeeze.hand[2]),
             "width": squeeze.reading_um / 1e3,
             "belief": _belief(beliefs.visits[squeeze.node].before),
-            "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
             "believed": _seen(max(begun - 0.3, 0.0), begun, shut_s, shut_s + 0.6, total_s),
         }
         hands.append(hand)
@@ -133,8 +134,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     times = [time for time, _ in moving]
     turns = np.degrees(np.unwrap([state[2] for _, state in moving]))
     leaf = beliefs.leaves[story.leaf]
-    jaws = Simulator.of_job(job, workers=1).jaws
-    reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
+    jaws = jaws_of(job.gripper)
     text = Path(__file__).with_suffix(".svg").read_text()
     template = canvas.template("tree.svg").environment.from_string(text)
     return template.render(
@@ -144,7 +144,6 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         length=jaws.length_mm,
         thickness=jaws.thickness_mm,
         half=0.5 * jaws.opening_mm + jaws.thickness_mm + 1.0,
-        reach=reach,
         error=story.error_mm,
         shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
         turn=Track(times, [f"{angle:.1f}" for angle in turns]),
@@ -153,13 +152,12 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
             "belief": _belief(leaf),
             "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
             "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]),
-            "number": story.leaf,
-            "success": table.leaves[story.leaf].success,
         },
     )
 
 
 def _belief(poses: Array) -> dict[str, object]:
+    """The outlines of a belief for the template: at most `OUTLINES` poses, and the opacity of each."""
     few = subsample(poses, OUTLINES)
     return {"poses": few, "opacity": round(canvas.overlay_opacity(len(few), 0.75), 4)}
 

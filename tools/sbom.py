@@ -26,10 +26,10 @@ NAME = "sbom.cdx.json"
 
 
 class Wheel(NamedTuple):
-    """A wheel, with its metadata."""
+    """A wheel as an entry of the bill."""
 
     component: Component
-    needs: tuple[str, ...]  # canonical names
+    needs: tuple[str, ...]  # canonical names of the packages that it requires
 
 
 def read(path: Path) -> Wheel:
@@ -62,7 +62,7 @@ def read(path: Path) -> Wheel:
 
 
 def licence_of(metadata: Message) -> str:
-    """The licence that a wheel states: an SPDX expression, else its words, else its classifier; or ""."""
+    """The licence that a wheel states: SPDX expression, else free text, else classifier; "" if none."""
     words = [metadata["License-Expression"], metadata["License"]]
     words += [line for line in metadata.get_all("Classifier", []) if line.startswith("License ::")]
     lines = (word.strip().rpartition(" :: ")[2] for word in words if word)
@@ -87,7 +87,7 @@ def bill(wheels: list[Wheel]) -> str:
 
 
 def _needs(requirements: list[str]) -> list[str]:
-    """Names of all required packages, also of extras; `bill` leaves out those that have no wheel."""
+    """Canonical names of all required packages, also of extras; `bill` leaves out those without a wheel."""
     names = set()
     for text in requirements:
         try:

@@ -24,13 +24,13 @@ MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
 SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
-# Half the side of the square that their centres start in: enough for some to be missed.
+# Half the side of the square in which centres of parts start; the fingers miss some of these parts.
 SPREAD_MM = 20.0
 SEED = 4
 
 
 def squeezes(job: Job) -> Figure:
-    """Fig. 3: single squeezes of the butterfly, nominal limit surface and friction `MU`."""
+    """Draws Fig. 3: single squeezes of the butterfly, with its nominal limit surface and friction `MU`."""
     simulator = Simulator.of_job(job, workers=1)
     surface = simulator.nominal(1, MU).surfaces[0]
     traces = []
@@ -53,10 +53,10 @@ def squeezes(job: Job) -> Figure:
 def partition(job: Job, names: Sequence[str]) -> Figure:
     """Draws Fig. 4 for the part and the gripper of a job.
 
-    `names` are those of the subspaces: free space first, then in the order of their widths.
+    `names` are the names of the subspaces: free space first, then in the order of their widths.
 
     Raises:
-        ValueError: there are more or fewer subspaces than names.
+        ValueError: the number of subspaces is not that of names.
     """
     simulator = Simulator.of_job(job, workers=1)
     rng = np.random.default_rng(SEED)

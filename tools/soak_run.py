@@ -1,4 +1,4 @@
-"""One run of `tools/soak`: a virtual cell, the runtime on it, and the checks during the run."""
+"""Simulates one run of `tools/soak`: the runtime operates a virtual cell, and every step is checked."""
 
 import base64
 import hashlib
@@ -30,28 +30,27 @@ from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult
 
-FRESH_S = 0.5  # age above which a reading says nothing about now
+FRESH_S = 0.5  # age above which a reading of the gripper no longer justifies a motion
 GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 SUMMED = (
     *("parts", "squeezes", "transactions", "crashes", "delivered"),
     "halts",  # of the arm's controller
-    "leaves_outside_goal",  # whose prediction was farther off than the goal
-    "predicted_outside",  # how many of them the leaves' own success rates predict
+    "leaves_outside_goal",  # parts that a leaf states wrongly, by more than the goal
+    "predicted_outside",  # the number of them that the success rates of the leaves predict
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
-# Time allowed in addition: to the executor's deadline for each squeeze, and for the safe sequence.
+# Time allowed for a squeeze beyond the executor's deadline, and for a part beyond its squeezes.
 SQUEEZE_S, PART_S = 30.0, 60.0
 
-# Faults by which the pose or the part contradicts the readings, so that fingers may come down on
-# it.
+# Faults that displace part or arm, or falsify readings, so that fingers may come down on a part.
 MOVED = {
     *(kind.name for kind in SCENE_KINDS),
     *("count_frozen", "count_spike", "encoder_offset", "grip_lost", "arm_displaced", "arm_turned"),
 }
 
-# Handling options of runs, one drawn for each: the command's default first.
+# Options of which each run draws one; the first are the defaults of grasp-runtime.
 REGULATED = Handling(regulated=True)
 HANDLED = (
     RunOptions(handling=REGULATED),
@@ -67,19 +66,22 @@ class Watch:
     """Observes commands to gripper and arm; records as findings those that no recent reading justifies."""
 
     cell: VirtualCell | None = None
-    read_s: float = -math.inf
-    ready: bool = False
-    at_mm: tuple[float, ...] = (math.nan, math.nan, math.inf)
-    wrist_deg: tuple[float, float] = (math.inf, -math.inf)
+    read_s: float = -math.inf  # time of the last reading; -inf after a command to the jaws
+    ready: bool = False  # whether the gripper was ready at that reading
+    at_mm: tuple[float, ...] = (math.nan, math.nan, math.inf)  # last target of the arm
+    wrist_deg: tuple[float, float] = (math.inf, -math.inf)  # least and greatest angle
     findings: list[str] = field(default_factory=list)
 
     def now(self) -> float:
+        """Simulated time [s]; 0 before there is a cell."""
         return self.cell.clock.now() if self.cell else 0.0
 
     def read(self, *, ready: bool) -> None:
+        """Records that the gripper was read, and whether it was ready."""
         self.read_s, self.ready = self.now(), ready
 
     def go(self, target: int) -> None:
+        """Checks a command to the jaws."""
         if self.now() - self.read_s > FRESH_S:
             self.findings.append(
                 f"jaws told to go to {target} without a look since the last command"
@@ -89,6 +91,7 @@ class Watch:
         self.read_s = -math.inf
 
     def overheard(self, text: str) -> None:
+        """Checks an instruction to the arm, if it is a motion."""
         if not text.startswith("1 "):
             return
         target = tuple(float(word) for word in text.split(" ")[1:4])
@@ -111,7 +114,7 @@ class Watch:
 
 
 class Pulse(Console):
-    """Measures the longest time between two phases, during which the service manager gets no notification."""
+    """Measures the longest time between two phases, in which the service manager gets no notification."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -147,11 +150,11 @@ class WatchedLink:
         self._link.write(*what)
 
     def ready(self, block: bytes) -> bool | None:
-        """Whether the gripper may be moved by an answer; None if the answer does not tell."""
+        """Whether an answer says that the gripper may move; None if it does not contain that."""
         return block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
 
     def target(self, block: bytes) -> int | None:
-        """Where a write sends the jaws; None if nowhere."""
+        """The target that a write sends the jaws to, in the gripper's units; None if it moves nothing."""
         return block[3] if block[0] & GOES else None
 
 
@@ -212,19 +215,19 @@ class Counts:
     """Results of one run, or their sums over many: counts, extremes and findings."""
 
     seed: int
-    sums: Counter[str] = field(default_factory=Counter)  # those of `SUMMED`
-    wrist_deg: tuple[float, float] = (math.inf, -math.inf)
-    silent_s: float = 0.0  # the longest time without notification of the watchdog
-    outcomes: Counter[str] = field(default_factory=Counter)
-    met: Counter[str] = field(default_factory=Counter)
+    sums: Counter[str] = field(default_factory=Counter)  # of the quantities `SUMMED`
+    wrist_deg: tuple[float, float] = (math.inf, -math.inf)  # least and greatest angle of the wrist
+    silent_s: float = 0.0  # longest time without a notification of the watchdog
+    outcomes: Counter[str] = field(default_factory=Counter)  # parts by outcome
+    met: Counter[str] = field(default_factory=Counter)  # injected faults by kind
     findings: list[str] = field(default_factory=list)
-    digest: str = ""
-    last: PartResult | None = None
+    digest: str = ""  # of all records of the journal
+    last: PartResult | None = None  # result of the last part
 
 
 @dataclass(frozen=True)
 class Soak:
-    """Table, setting and options of a soak test; each run draws how it handles parts from `handled`."""
+    """Setting, table and options of a soak test; each run draws one of the options `handled`."""
 
     setting: Setting
     table: Table
@@ -233,7 +236,7 @@ class Soak:
     handled: tuple[RunOptions, ...] = HANDLED
 
     def plan(self, seed: int) -> RunOptions:
-        """Draws the options of a run by its seed: how it handles parts."""
+        """Draws the options with which a run handles parts, by the seed of the run."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:
@@ -242,7 +245,10 @@ class Soak:
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
-    """Simulates one cell until a part ends in a fault or all are done; `faults` replaces random faults."""
+    """Simulates one cell until a part ends in a fault or all are done.
+
+    `faults` are injected instead of random ones.
+    """
     plan = soak.plan(seed)
     watch, records, counts = Watch(), Records(soak.table, plan), Counts(seed)
     faults = faults or (Seeded(seed) if soak.faults else None)
@@ -281,7 +287,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
 
 
 def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts) -> Outcome:
-    """Runs one part, adds it and what is wrong with it to `counts`, and returns its outcome."""
+    """Runs one part, adds its result and its findings to `counts`, and returns its outcome."""
     before = len(cell.works.desk.met)
     part = cell.scene.next_part()
     began = cell.clock.now()
@@ -296,7 +302,11 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 
 
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
-    """Adds a part to `counts`; if it is located, also whether it misses the goal, counted and predicted."""
+    """Adds a part to `counts`.
+
+    A part that ends at a leaf and is not delivered also counts as within or outside the goal, if the truth is
+    known, and the leaf's rate of failures is added to those predicted.
+    """
     truth = cell.scene.truth()
     delivered = result.delivery == "done"
     squeezes = len(result.steps)
@@ -310,6 +320,7 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) 
 
 
 def _judge(soak: Soak, part: int, result: PartResult, seconds: float) -> list[str]:
+    """The findings about a finished part: too late, or in a fault without the safe sequence."""
     findings = []
     squeezes = len(result.steps) + (1 if result.delivery is None else 3)
     if seconds > (limit := squeezes * soak.squeeze_s() + PART_S):

@@ -1,7 +1,8 @@
-"""Outlines of real components, from packages that contain them; none is copied here.
+"""Outlines of real components, read from installed packages; none is copied here.
 
-Debian's `kicad-footprints` (CC-BY-SA 4.0): the bodies on the fabrication layer of footprints. PyPI's
-`bd-warehouse` (Apache-2.0): tables of ISO and DIN parts, drawn here at rest on a table.
+Debian's `kicad-footprints` (CC-BY-SA 4.0) has bodies on the fabrication layer of footprints. PyPI's
+`bd-warehouse` (Apache-2.0) has tables of ISO and DIN parts, whose outlines are drawn here as they lie on a
+table.
 """
 
 import csv
@@ -23,14 +24,14 @@ FOOTPRINTS = Path("/usr/share/kicad/footprints")
 HOW = "apt-get install --no-install-recommends kicad-footprints; pip install --no-deps bd-warehouse"
 SMALLEST_MM, LARGEST_MM = 8.0, 80.0
 TOLERANCE_MM = 0.05
-SAME_MM = 0.1  # outlines whose areas differ only by a rim of this are one
-KEPT_ASIDE = 10  # one outline in so many, by the hash of its name, is reserved for a single look
+SAME_MM = 0.1  # outlines that differ by less, in their sides and along their boundary, are the same
+KEPT_ASIDE = 10  # one outline in so many, by the hash of its name, is reserved for a final test
 
 Outlines = dict[str, np.ndarray]
 
 
 def outlines() -> Outlines:
-    """All distinct outlines (n, 2) mm by name, without rectangles and discs; empty without the packages."""
+    """All distinct outlines (n, 2) [mm] by name, without rectangles and discs; none without the packages."""
     result, seen = {}, set()
     for name, outline in (*footprints(), *screws(), *rings(), *keys()):
         size = np.ptp(outline, axis=0)
@@ -57,7 +58,7 @@ def trivial(outline: np.ndarray) -> bool:
 
 
 def footprints() -> Iterator[tuple[str, np.ndarray]]:
-    """Yields the name and the largest body contour of every footprint; leaves out invalid ones."""
+    """Yields the name and the largest body contour of every footprint that has a valid one."""
     for path in sorted(FOOTPRINTS.glob("*.pretty/*.kicad_mod")):
         try:
             read = read_outline(path, Options(contour=1, tolerance_mm=TOLERANCE_MM))
@@ -67,7 +68,7 @@ def footprints() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def screws() -> Iterator[tuple[str, np.ndarray]]:
-    """Yields name and outline of ISO 4014 hexagon head screws, from above, on a flat of the head."""
+    """Yields name and outline of ISO 4014 hexagon head screws, lying on a flat of the head, from above."""
     for row in table("hex_head_parameters.csv"):
         if row["Size"].startswith("M") and row["iso4014:s"]:
             diameter = float(row["Size"][1:].split("-")[0])
@@ -79,7 +80,7 @@ def screws() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def rings() -> Iterator[tuple[str, np.ndarray]]:
-    """Retaining rings DIN 471 at rest: an eccentric outer edge, and two lugs beside the gap."""
+    """Yields name and outline of DIN 471 retaining rings, with eccentric outer edge and lugs at the gap."""
     for row in table("din471.csv"):
         inner = 0.5 * float(row["d3"])
         lug, width, hole = (float(row[key]) for key in ("a", "b", "d5"))
@@ -93,7 +94,7 @@ def rings() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def keys() -> Iterator[tuple[str, np.ndarray]]:
-    """Parallel keys DIN 6885 A seen from above: round ends, four times as long as wide."""
+    """Yields name and outline of DIN 6885 A parallel keys: round ends, four times as long as wide."""
     for row in table("shaft_key_parameters.csv"):
         width = float(row["din6885:b"])
         middle = shapely.LineString([[-1.5 * width, 0.0], [1.5 * width, 0.0]])
@@ -101,7 +102,7 @@ def keys() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def table(name: str) -> list[dict[str, str]]:
-    """The rows of a table of bd-warehouse; none where it is not installed."""
+    """The rows of a table of bd-warehouse; none if the package is not installed."""
     spec = find_spec("bd_warehouse")
     if spec is None or not spec.submodule_search_locations:
         return []

@@ -1,7 +1,7 @@
-"""Certificate of a plan: a lower bound on the squeezes of any plan that is as good.
+"""Certificate of a plan: a lower bound on the mean squeezes of any plan that locates parts as well.
 
-The bound covers plans that use the placements of the job, those of the plan and those along stable sides, but
-no scattered ones.
+The bound holds for plans whose first `DEPTH` squeezes are at placements of the job, along stable sides of the
+part, or at placements of the certified plan. A plan with squeezes at other placements may beat it.
 """
 
 import math
@@ -29,18 +29,18 @@ from planner.search.proposals import along
 from planner.work.progress import Report, silent
 from runtime.table import PPM, REJECT, Table, decide, decision_map, wilson_interval
 
-PILOTS = 20_000  # parts that sample the readings after the first squeezes
-BELIEF = 400  # parts of a history among which modes are sought
+PILOTS = 20_000  # parts of the separate sample, whose modes give the placements along stable sides
+BELIEF = 400  # most parts of a history from which modes are computed
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
 DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
 
 PARTS = 50_000
 MOST_PARTS = 1_000_000
-TRIED = 2  # squeezes for which all placements are tried
-DEPTH = 3  # squeezes for which only the placements of the cheapest plans are tried
-ROUNDS = 8  # rounds of extending histories to `DEPTH` squeezes
-LEAST_PARTS = 20  # least parts of a history that is continued
-CERTAINTY = 0.95
+TRIED = 2  # length up to which all histories are extended [squeezes]
+DEPTH = 3  # length up to which the histories of the cheapest plans are extended [squeezes]
+ROUNDS = 8  # most rounds of extending histories from `TRIED` to `DEPTH` squeezes
+LEAST_PARTS = 20  # least parts of a history that such a round extends
+CERTAINTY = 0.95  # probability with which a bound holds
 SEED_BOUND = 0x424F554E
 SEED_PILOTS = 0x50494C4F
 
@@ -48,11 +48,13 @@ SEED_PILOTS = 0x50494C4F
 class Covered:
     """Gives the placements that a class of plans may use after a history of squeezes.
 
-    It is a callable, a `planner.bound.histories.Placements`. Placements about modes are proposed from a
-    separate sample, since the class of plans may not depend on the sample that proves the bound.
+    An instance is called with a history, as a `planner.bound.histories.Placements`. Placements about modes
+    are computed from a separate sample, since the class of plans may not depend on the sample that proves the
+    bound.
 
     Attributes:
-        first: (k, 3) placements of the first squeeze, that of the table first, no two of them equivalent.
+        first: (k, 3) placements of the first squeeze: the table's, then all others that are not equivalent to
+            an earlier one.
     """
 
     def __init__(self, job: Job, table: Table, squeeze: Squeeze, dense: bool) -> None:
@@ -73,7 +75,11 @@ class Covered:
         self._squeezed = dict[History, Belief]()
 
     def __call__(self, history: History) -> Array:
-        """The placements (k, 3) of the next squeeze; that of the table is last, if it has one."""
+        """The placements (k, 3) of the next squeeze.
+
+        After the first squeeze, the placement of the table comes last; it is missing where the table has no
+        squeeze after this history.
+        """
         if not history:
             return self.first
         pilots, node = self._after(history), self._node(history)
@@ -119,14 +125,14 @@ class Certificate:
     confidence: float  # the job's, for a leaf
     success: float  # lower limit of the table's success rate in its trials, with 97.5 % confidence
     mean: float  # mean squeezes a part in the trials of the table
-    parts: int  # size of the sample
-    first: int  # inequivalent placements of the first squeeze
-    second: float  # placements of the second squeeze, averaged over the readings
-    dense: bool  # whether a grid of placements is among them
+    parts: int  # parts of the sample that proves the bound
+    first: int  # number of inequivalent placements of the first squeeze
+    second: float  # number of placements of the second squeeze, averaged over the histories of one squeeze
+    dense: bool  # whether the placements include a grid
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans that belong to both classes: the greater of the two."""
+        """The bound for plans that belong to both classes: the greater of the two terms."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property
@@ -160,7 +166,7 @@ class Certificate:
         }
 
     def lines(self) -> list[str]:
-        """The result as lines of text."""
+        """The bound and the class of plans, as lines of text for people."""
         above = self.mean / self.squeezes - 1.0
         least = f"any plan as good takes {self.rounded} squeezes a part or more"
         sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"
@@ -169,7 +175,7 @@ class Certificate:
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
-    """The function that squeezes parts in the world of the evaluation, each with its own traits."""
+    """Returns a function that squeezes parts in the world of the evaluation, with their latent parameters."""
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(parts: Belief, placements: Array, rng: Generator) -> tuple[Array, IntArray]:
@@ -191,10 +197,17 @@ def certify(
 ) -> Certificate:
     """Proves a lower bound on the mean squeezes of all plans as good as the table, at confidence `CERTAINTY`.
 
-    As good are plans that locate at least the table's share of the parts, at leaves that are right as often
-    as the job's goal asks. Their first squeezes are at placements of the job, along stable sides, or of the
-    table; `dense` adds a grid. `parts` is the size of the sample; more parts give a tighter bound. The result
-    does not depend on the number of workers (threads; all cores if None).
+    A plan is as good if it locates at least the share of parts that the table locates (lower limit of the
+    table's trials), at leaves that are right as often as the job's goal asks. Its first `DEPTH` squeezes are
+    at placements of the job, along stable sides, or of the table.
+
+    Args:
+        job: the job.
+        table: a table of the job, with the figures of its trials.
+        parts: size of the sample; more parts give a tighter bound.
+        dense: whether plans may also use a grid of placements about the middle.
+        workers: threads, all cores if None; the result does not depend on it.
+        report: receives the progress.
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
     squeeze = squeezes_of(job, workers)

@@ -1,8 +1,8 @@
-"""Histories of a sample of parts under all plans at once, and how each may end.
+"""Histories of a sample of parts under all plans at once, and how many parts a plan may locate after each.
 
-A part is squeezed at every placement that a plan might choose, and again at every placement after each of
-these. Parts with the same placements and readings so far share a history. For each history a plan chooses
-either the next placement or a pose that it claims, that is, at which it predicts the part to lie.
+Every part is squeezed at every placement that a plan might choose first, and after each of these squeezes
+again at every placement. Parts with the same placements and readings so far share a history. After a history
+a plan either chooses the next placement, or claims a pose: it predicts that the part lies there.
 """
 
 from collections.abc import Callable
@@ -18,31 +18,34 @@ from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
 READINGS = 1 << 22
-"""More than there are readings; a reading is twice the encoder's, plus 1 if the object flag is set."""
+"""Upper limit on readings; a reading is here twice the encoder's step, plus 1 if the object flag is set."""
 
 Squeeze: TypeAlias = Callable[[Belief, Array, Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
 poses (n, 3) in the world [mm, mm, rad] and readings (n,), 0 to `READINGS` - 1."""
 
 History: TypeAlias = tuple[int, ...]
-"""The number of the placement and the reading of each squeeze so far, in order."""
+"""Two integers for each squeeze so far, in order: the number of the placement, and the reading."""
 
 Placements: TypeAlias = Callable[[History], Array]
-"""The placements (k, 3), k >= 1, of the next squeeze. They must not depend on the sample."""
+"""Gives the placements (k, 3), k >= 1, of the squeeze after a history.
+
+They must not depend on the sample that proves the bound.
+"""
 
 
 class Level(NamedTuple):
-    """The histories of one length."""
+    """The h histories of one length, and the o squeezes that lead to them from the level before."""
 
-    size: IntArray  # (h,) parts of each
+    size: IntArray  # (h,) number of parts of each history
     located: IntArray  # (h,) upper bound on the parts that one prediction locates
-    option: IntArray  # (h,) the squeeze that led to it: an index into `owner` and `placement`
+    option: IntArray  # (h,) the last squeeze of the history: an index into `owner` and `placement`
     reading: IntArray  # (h,) the reading of that squeeze
-    owner: IntArray  # (o,) the history of the level before, for each squeeze
-    placement: IntArray  # (o,) the placement of that history at which the squeeze is made
+    owner: IntArray  # (o,) index of the history before the squeeze, in the level before
+    placement: IntArray  # (o,) index of the placement, among all placements after that history
 
     def joined(self, more: "Level") -> "Level":
-        """The histories of both levels; `more` numbers its squeezes from 0."""
+        """Returns the histories of both levels, those of `more` last, with its squeezes renumbered."""
         more = more._replace(option=more.option + len(self.owner))
         return Level(*(np.concatenate(columns) for columns in zip(self, more, strict=True)))
 
@@ -52,7 +55,7 @@ class Lying(NamedTuple):
 
     poses: Array  # (n, 3) [mm, mm, rad]
     part: IntArray  # (n,) index of each part in the sample
-    start: IntArray  # (h + 1,) start of each history, then n
+    start: IntArray  # (h + 1,) first row of each history, then n
 
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
         """The rows (m,) of the parts of some histories, and for each row the index into `histories`."""
@@ -96,7 +99,7 @@ class Histories:
             self.extend(level, np.arange(len(self.levels[level].size)))
 
     def history(self, level: int, number: int) -> History:
-        """The placements and readings that led to one of a level's histories."""
+        """The placements and readings of history `number` of a level."""
         result: History = ()
         for longer in self.levels[level:0:-1]:
             option = longer.option[number]

@@ -6,12 +6,13 @@ constraint and charges a price, in squeezes, for each such part: the multiplier 
 constraint the cheapest plan on a sample of parts is found history by history; its cost is a lower bound for
 every plan of the class on this sample.
 
-The best plan of the class does not depend on the sample, which may overstate what this plan costs and misses.
-Chernoff's inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
+The best plan of the class does not depend on the sample. But on the sample this plan may take more squeezes
+and miss more parts than on average. Chernoff's inequality for a mean of independent numbers in [0, 1]
+(Hoeffding 1963, Theorem 1),
 
     P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
 
-bounds by how much. The price may be chosen after the sample is drawn.
+bounds by how many. The price may be chosen after the sample is drawn.
 """
 
 import math
@@ -33,15 +34,15 @@ class Term(NamedTuple):
     """A lower bound on the mean squeezes of one class of plans."""
 
     squeezes: float  # least squeezes on average of any plan of the class
-    estimate: float  # the same without the allowance for the sample
+    estimate: float  # the bound without the allowance for the chance of the sample
     price: float  # of a claimed part that is not located [squeezes]
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
     """The bound for plans in which each leaf that claims a pose locates a share `confidence` of its parts.
 
-    At least a share `success` of all parts ends in such leaves. The bounds of all terms hold together with
-    probability `certainty`.
+    At least a share `success` of all parts ends in such leaves. With probability `certainty` this bound and
+    that of `overall_term` both hold.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
@@ -127,17 +128,23 @@ def divergence(x: float, mean: float) -> float:
 
 
 def upper_tail(mean: float, n: int, error: float) -> float:
-    """Value that the sample mean of n numbers in [0, 1] of this `mean` exceeds with probability <= error."""
+    """Value that the sample mean of n independent numbers in [0, 1] exceeds with probability <= `error`.
+
+    Each number has the expectation `mean`.
+    """
     return _crossing(lambda x: n * divergence(x, mean), mean, 1.0, error)
 
 
 def least_mean(sample: float, n: int, error: float) -> float:
-    """Least mean of n numbers in [0, 1] that gives this sample mean with probability > error."""
+    """Least expectation of n independent numbers in [0, 1] that the sample mean `sample` does not exclude.
+
+    With a lower expectation, the sample mean would be `sample` or more with probability <= `error`.
+    """
     return _crossing(lambda x: n * divergence(sample, x), sample, 0.0, error)
 
 
 def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
-    """Argument at which exp(-exponent), which is 1 at `start`, falls to `error`; `end` if it does not."""
+    """Argument at which exp(-exponent), which is 1 at `start`, falls to `error`; `end` if it stays above."""
     near, far = start, end
     for _ in range(BISECTIONS):
         middle = 0.5 * (near + far)

@@ -1,6 +1,6 @@
-"""Advice on a plan that locates too few parts, from the measurements of this package.
+"""Advice on a plan that locates too few parts: which parts are not located, why, and what to change.
 
-The cost of each source of noise in the job is measured by switching it off.
+The cost of each source of noise in the job is measured by switching the source off.
 """
 
 import math
@@ -31,11 +31,11 @@ PINCHED = "as something thinner than a count is between the jaws and they read a
 class Gain(NamedTuple):
     """The success rate that a table gains without one source of noise."""
 
-    source: str  # its name; `EVERYTHING` for the run without any noise
-    success_rate: float  # success rate of the table without that source
-    gain: float  # increase over the rate with all of them
+    source: str  # name of the source; `EVERYTHING` for the run without any noise
+    success_rate: float  # success rate of the table without the source
+    gain: float  # increase over the success rate with all sources
     error: float  # half-width of the gain's 95 % interval
-    certain: bool  # whether the gain exceeds its error
+    certain: bool  # whether the gain exceeds `error`
 
 
 def gains_without_noise(
@@ -80,17 +80,17 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
 
 
 class Advice(NamedTuple):
-    """The share of parts that each cause keeps from being located, and the remedies."""
+    """The share of parts that are not located for each cause, and the remedies."""
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # share that is rejected, since the jaws hold it and still read as closed
+    pinched: float  # share that is rejected because the jaws read as closed although they hold it
     unresolved: float  # share that ends in unresolved leaves
     at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
-    gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
-    proposing: bool  # whether the search proposed placements besides the stated ones
-    shares: Shares  # the same shares, rounded as in other reports
+    gains: Sequence[Gain]  # cost of each source of noise; empty if not measured
+    proposing: bool  # whether the search proposed placements besides those of the job
+    shares: Shares  # of parts located, rejected and unresolved, rounded as in other reports
     margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
 
     def figures(self) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def counsel(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:
-    """Returns the complete advice on a plan: also runs the trials that `gains` and `margins` need.
+    """Returns the advice on a plan with gains and margins, for which it runs trials.
 
     `table` and `evaluation` are those of a plan of `planner.compile.compile_job`.
     """

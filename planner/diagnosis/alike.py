@@ -11,7 +11,7 @@ from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part import symmetry
 
-BOTH_SIDES = 2.0  # largest difference of widths, in units of that of outlines: two fingers
+BOTH_SIDES = 2.0  # most that widths differ, in units of the distance of outlines: two fingers touch
 ALL = 1.0 - 1e-9  # least share that counts as all parts
 ANGLES = 3600  # sampled within the uncertainty
 
@@ -21,16 +21,16 @@ class Alike(NamedTuple):
 
     name: str  # of the part
     degrees: float  # of the turn
-    apart_mm: float  # largest distance of the outline from the turned one
+    apart_mm: float  # largest distance between the outline and the turned outline
     grain_mm: float  # scatter of the readings of one width
     share: float  # share of the parts that stay within the uncertainty after the turn
     order: int  # the outline's rotational order
-    stated: int  # the order stated in the job
+    stated: int  # rotational order that the job states
     exact: bool  # whether outline and pressure are the same after the turn
 
     @property
     def hopeless(self) -> bool:
-        """Whether no search can help: the turned part is exactly alike, and possible, for all poses."""
+        """Whether no search can help: for all poses the turned part is possible and exactly alike."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:
@@ -52,7 +52,7 @@ class Alike(NamedTuple):
 
 
 def alike(job: Job) -> list[Alike]:
-    """The turn of each part, if any, that no squeeze detects although the goal tells its poses apart."""
+    """For each part of a job, the turn, if any, that no squeeze detects but that the goal distinguishes."""
     return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 
@@ -69,6 +69,11 @@ def refuse_alike(job: Job) -> None:
 
 
 def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
+    """The turn of the part number `index` of a job that leaves most parts within the uncertainty, if any.
+
+    `alone` is the job of that part alone. An outline without rotational symmetry is compared with the turn
+    that changes it least.
+    """
     outline, stated = alone.part.outline_mm, alone.part.symmetry
     order, grain_mm = symmetry.order(outline), encoder_of(job).grain_mm
     turns = [(math.tau * k / order, 0.0) for k in range(1, order // 2 + 1) if k * stated % order]

@@ -23,9 +23,9 @@ from runtime.table import HELD_UM, Table
 HANDS = 128  # placements tried to distinguish two poses
 SAMPLES = 40  # squeezes of each pose at each placement tried
 HALF_TURN_ALIKE = 2  # order of the hand's symmetry: after half a turn it squeezes alike
-TELLING = 4.0  # least distance of distinguishable mean widths, in their joint standard deviation
-LEAST_TRIALS = 20  # parts in a leaf that is examined
-APART = 3.0  # least distance of different poses, in units of the goal; less is scatter
+TELLING = 4.0  # least distance of distinguishable mean widths, in joint standard deviations
+LEAST_TRIALS = 20  # least parts in a leaf that is examined
+APART = 3.0  # distance from a pose, in units of the goal, above which parts lie at another pose
 SEED_AMBIGUITY = 0x414D4249
 
 
@@ -33,15 +33,15 @@ class Separator(NamedTuple):
     """A squeeze whose width distinguishes two poses."""
 
     placement: Array  # (3,) the hand in the world [mm, mm, rad]
-    widths_mm: tuple[float, float]  # mean width at the one pose and at the other
+    widths_mm: tuple[float, float]  # mean widths at the first pose and at the second
 
 
 class Whereabouts(NamedTuple):
     """The main poses of the parts that end in a leaf, or their scatter about a single pose."""
 
     poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
-    shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
-    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
+    shares: tuple[float, ...]  # (m,) share of the parts within the goal of each pose
+    scatter: float = 0.0  # largest distance from a single pose, in goals; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -58,12 +58,12 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """An unresolved leaf, with the poses of its parts and a squeeze that distinguishes two of them."""
+    """An unresolved leaf, with the main poses of its parts and a squeeze that distinguishes two of them."""
 
-    leaf: int  # its index
-    share: float  # of all parts, those that end there
-    where: Whereabouts  # the poses of its parts
-    separator: Separator | None  # for the first two poses, if a squeeze distinguishes them
+    leaf: int  # index of the leaf
+    share: float  # share of all parts that end at the leaf
+    where: Whereabouts  # the main poses of these parts
+    separator: Separator | None  # squeeze for the first two poses; None: no squeeze tried does it
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -96,7 +96,7 @@ class Ambiguity(NamedTuple):
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
     """Returns the unresolved leaves with most parts, at most `most` of them, the most frequent first.
 
-    Each has a squeeze that distinguishes its first two poses, if one of those tried does.
+    Leaves with fewer than `LEAST_TRIALS` parts are left out.
     """
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     commonest = np.argsort(-visits, kind="stable")[:most].tolist()
@@ -115,10 +115,11 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Finds the main poses of parts that lie at `here` (n, 3), n >= 1; of a single one also the scatter.
+    """Finds the main poses of parts that lie at `here` (n, 3), n >= 1, or their scatter about a single pose.
 
-    A leaf may miss the goal although nearly all its parts lie at one pose. The other parts then lie at a
-    second, rare pose, or scatter about the first.
+    A leaf may be unresolved although it has a single main pose. If more than half of the parts outside the
+    goal are farther than `APART` from this pose, the main one of their poses is added, else the scatter is
+    measured.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -136,7 +137,10 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
 def _separator(pair: Array, job: Job, simulator: Simulator, rng: Generator) -> Separator | None:
     """Finds the squeeze whose mean widths at two poses differ most, in units of their scatter.
 
-    Squeezes that hold the part in both poses come first. None: no squeeze distinguishes the poses.
+    A squeeze that holds the part in both poses is preferred to any that misses it in one.
+
+    Returns:
+        The squeeze; None if none of `HANDS` placements distinguishes the poses.
     """
     encoder = encoder_of(job)
     # The standard deviation of rounding is the step over the square root of 12.

@@ -3,13 +3,16 @@
 from planner.job.model import Job
 from planner.part.outline import min_width
 
-LOW_TIPS_MM = 2.0  # height of the tips above the table below which to warn
-NEAR_TOP_MM = 1.5  # distance of the tips from the part's top below which to warn
-LARGE_GOAL = 0.5  # goal, as a share of the part's width, above which to warn
+LOW_TIPS_MM = 2.0  # height of the finger tips above the table below which a job gets a warning
+NEAR_TOP_MM = 1.5  # distance of the finger tips from the part's top below which it gets one
+LARGE_GOAL = 0.5  # goal, as a share of the part's least width, above which it gets one
 
 
 def warnings_of(job: Job) -> list[str]:
-    """Returns warnings about tips near the table or the part's top, and about goals as large as the part."""
+    """Returns warnings about finger tips near the table or the part's top, and about goals large for a part.
+
+    Each warning is a sentence without its full stop; it names the part if there are several.
+    """
     results = []
     for alone in job.alone:
         height_mm, tips_mm = alone.part.height_mm, job.cell.squeeze_height_mm

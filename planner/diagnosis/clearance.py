@@ -1,4 +1,4 @@
-"""Why no first squeeze is free of collision: the clearance between the open fingers and the parts."""
+"""Explains why a job has no first squeeze, and how much clearance the open fingers lack."""
 
 import math
 from collections.abc import Callable
@@ -16,8 +16,8 @@ from planner.search.ranking import LEAST_CLEARANCE_MM
 DIRECTIONS = 24  # directions of a part's centre from the middle of its disc
 RINGS = 8  # rings of equal area, at whose outer edges the centres of parts lie
 STEP_DEG = 3.0  # largest step between the angles of a part
-TURNS = 12  # angles of the hand at the middle of the disc, besides the job's
-HALVINGS = 12  # of the interval of an opening or a radius
+TURNS = 12  # angles of the hand at the middle of the disc, besides the job's placements
+HALVINGS = 12  # of the interval in which an opening or a radius is sought
 WIDEST = 16.0  # largest opening tried, in units of the gripper's
 
 
@@ -34,7 +34,7 @@ class Shortage(NamedTuple):
     radius_mm: float | None
 
     def line(self) -> str:
-        """What is missing and which radius would suffice, for people."""
+        """States how much opening is missing and which radius would do, for people."""
         short = f"the jaws open {self.missing_mm:.2g} mm too little"
         if self.radius_mm is None:
             return f"{short}, even for a part in the middle"
@@ -42,9 +42,10 @@ class Shortage(NamedTuple):
 
 
 def shortage(job: Job) -> Shortage | None:
-    """Finds the least change of opening, or of disc, that allows a first squeeze without collision.
+    """Finds the least opening, or else the largest disc, with which a first squeeze is free of collision.
 
-    Returns None if some placement is free of collision already.
+    Returns:
+        The missing opening and the radius; None if some placement is free of collision already.
     """
     opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
     if _is_free(job, opening, radius):

@@ -1,4 +1,4 @@
-"""Margins of a plan: the effect of a small offset of widths on its answers."""
+"""Margins of a plan: the effect of a small offset of the measured widths on the answers of its table."""
 
 from typing import NamedTuple
 
@@ -22,9 +22,9 @@ SEED_MARGINS = 0x4D415247
 class Margins(NamedTuple):
     """Effect of a small constant error of the measured widths on the answers of a table."""
 
-    off_mm: float  # size of the offset, which is tried to either side
-    wrong_rate: float  # share of parts answered wrongly under the worse of both offsets
-    near: float  # share of parts with a reading that is, at some node, within `off_mm` of another branch
+    off_mm: float  # size of the offset, which is tried with either sign
+    wrong_rate: float  # share of parts answered wrongly with the worse of the two signs
+    near: float  # share of parts with a reading within `off_mm` of another branch of its node
 
     @property
     def thin(self) -> bool:

@@ -1,4 +1,4 @@
-"""Classifies why a part is not located into a few kinds of reasons: of the part, gripper or search."""
+"""Classifies the reason why a part cannot be located: it lies with the part, the gripper or the search."""
 
 from typing import NamedTuple
 
@@ -30,10 +30,13 @@ class Reason(NamedTuple):
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:
-    """Returns the reason that some turned part looks the same to the gripper; None if no turn does.
+    """Finds a turn after which the gripper cannot distinguish the part from its former pose.
 
-    Compares the outline, or else its convex hull, with itself after the turn. The hull is no proof, since
-    fingers may reach the rest of the outline; it is left out if the search was `cut` short.
+    Compares the outline, or else its convex hull, with itself after the turn. A hull that is alike proves
+    nothing, since fingers may reach the rest of the outline; it is left out if the search was `cut` short.
+
+    Returns:
+        The reason; None if every turn changes the compared shapes by more than the gripper resolves.
     """
     outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
@@ -48,7 +51,7 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
 
 
 def no_plan(job: Job, error: NoPlanError) -> Reason:
-    """Returns the reason why planning found no plan and raised `error`."""
+    """Returns the reason why the search for a plan raised `error`."""
     if result := likeness(job, error.cut_short):
         return result
     if error.cut_short:

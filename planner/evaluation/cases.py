@@ -1,4 +1,4 @@
-"""Named cases: worlds that differ from the plan's assumptions, one list for each use."""
+"""Named cases: simulated worlds that differ from the plan's assumptions, one list for each use."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from planner.part.outline import grown
 from planner.part.pressure import stances
 from runtime.shell.errors import InputError
 
-OFFSET = 2.0  # offsets of the encoder's zero, in its grains
+OFFSET = 2.0  # offset of the encoder's zero, in units of the scatter of readings (`grain_mm`)
 SLIGHTLY_UNEVEN = 0.02  # change of the upper finger's share of the closing: 1.3 mm of 64 mm
 STEADY_DOF = 1_000_000  # degrees of freedom above which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
@@ -100,7 +100,7 @@ def standard_cases(job: Job) -> list[Case]:
 
 
 def believed_cases(job: Job) -> list[Case]:
-    """Cases that the job holds possible: each of its uncertain quantities at the ends of its interval."""
+    """Cases that the job's doubts allow: each has one uncertain quantity at an end of its interval."""
     doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = [uneven(job, share + off, centred=True) for off in filter(None, doubt.finger_share)]
@@ -135,13 +135,13 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """Two cases in which the encoder's zero is off by `OFFSET` times its resolution, to either side."""
+    """Two cases in which the encoder's zero is off by `OFFSET` times the encoder's grain, to either side."""
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:
-    """Cases that show what each noise costs: one source of noise after another switched off, then all."""
+    """Cases without noise: each switches off one source of the job's noise, the last one all of them."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
     if high > low:

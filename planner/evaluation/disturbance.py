@@ -1,4 +1,4 @@
-"""Errors of the cell besides the mechanics: errors of the encoder's zero and of the arm."""
+"""Errors of a simulated cell besides the mechanics: errors of the encoder's zero and of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ class Disturbance:
 
     encoder_offset_mm: float = 0.0  # added to every width before it is read
     placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
-    placement_deg: float = 0.0  # standard deviation of its angle
+    placement_deg: float = 0.0  # standard deviation of the hand's angle
     bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
-    bias_deg: float = 0.0  # constant error of its angle
+    bias_deg: float = 0.0  # constant error of the hand's angle
     across_mm: float = 0.0  # constant error of the hand's place along the closing direction
     believed: bool = False  # whether latent parameters are drawn by the job's doubts, too
 
@@ -34,7 +34,7 @@ class Disturbance:
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """True poses (n, 3) of the hand in the world, where the arm is sent to `placements` [mm, mm, rad]."""
+        """True poses (n, 3) of the hand in the world if the arm is sent to `placements` [mm, mm, rad]."""
         turn = math.radians(self.placement_deg)
         spread = np.array([self.placement_mm, self.placement_mm, turn])
         return true_placements(placements + self.bias, traits, rng, spread)

@@ -16,7 +16,7 @@ from planner.part.outline import Outline, width
 from runtime.table import Table
 
 OFTEN = 0.05  # share of answered foreign parts above which the answers are explained
-MOST = 3
+MOST = 3  # answers that are explained
 DIRECTIONS = 360  # angles at which widths are compared, over half a turn
 SCALES, DISC_SIDES = (0.9, 1.1), 60  # relative sizes of generated foreign parts, vertices of a disc
 
@@ -24,12 +24,12 @@ SCALES, DISC_SIDES = (0.9, 1.1), 60  # relative sizes of generated foreign parts
 class Answer(NamedTuple):
     """A resolved leaf in which trials of a foreign part ended, and the widths read on the way there."""
 
-    leaf: int
-    part: str | None  # the name in the answer; None where only one part may come
-    share: float  # of the foreign parts, those that end there
+    leaf: int  # index of the leaf
+    part: str | None  # name of the part that the leaf states; None if the job has one part only
+    share: float  # share of the foreign parts that end at the leaf
     widths_mm: tuple[float, ...]  # median width of the foreign parts at each squeeze
-    ours_mm: tuple[float, ...]  # the same of the job's parts that end there; empty where none did
-    differ_mm: float  # as from `widths_differ_mm`, between the foreign part and the job's part
+    ours_mm: tuple[float, ...]  # median width of the job's parts that end there; empty without any
+    differ_mm: float  # `widths_differ_mm` of the foreign part and the job's part
 
     @property
     def apart_mm(self) -> float | None:
@@ -77,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """Text: the share of trials answered as a known part and, above `OFTEN`, a line for each answer."""
+        """The share of trials that a resolved leaf answered and, above `OFTEN`, a line for each answer."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )

@@ -12,22 +12,22 @@ from planner.evaluation.trials import encoder_of_table
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
-LEAST_VISITS = 200  # leaves with fewer visits show too little
-TAIL = 0.025
-JEFFREYS = 0.5
+LEAST_VISITS = 200  # least visits of a leaf that is compared
+TAIL = 0.025  # probability beyond either end of an interval
+JEFFREYS = 0.5  # both parameters of the beta distribution that is Jeffreys' prior
 
 
 class LeafRecord(NamedTuple):
     """Calibration of one leaf, in the form of the JSON output."""
 
-    leaf: int  # its index
-    visits: int  # trials that ended there
+    leaf: int  # index of the leaf
+    visits: int  # trials that ended at the leaf
     predicted: float  # success probability that the table states
     predicted_trials: int  # number of trials behind the table's figure
-    observed: float  # share of the visits in which its pose was within the goal
-    # central 95 % interval of that share, if the prediction is right
+    observed: float  # share of the visits in which the leaf's pose was within the goal
+    # central 95 % interval of the observed share, if the prediction is right
     interval95: tuple[float, float]
-    holds: bool  # whether the observed share lies in it
+    holds: bool  # whether the observed share lies in the interval
 
 
 class Reliability(NamedTuple):
@@ -76,23 +76,23 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
 
 
 class Confusion(NamedTuple):
-    """Number of parts that ended in one leaf, but lay at the pose of another leaf or of none."""
+    """Number of parts that ended at one leaf, but lay at the pose of another leaf or of none."""
 
-    leaf: int  # where they ended
-    truth: int  # the leaf nearest to their pose; `NO_LEAF` if none is within the goal
-    trials: int  # how many
-    share: float  # of all trials
-    resolved: bool  # whether the leaf claimed to know the pose
+    leaf: int  # leaf at which the parts ended
+    truth: int  # leaf nearest to their pose; `NO_LEAF` if none is within the goal
+    trials: int  # number of these parts
+    share: float  # share of these parts in all trials
+    resolved: bool  # whether `leaf` claims to know the pose
 
 
 class Mistake(NamedTuple):
     """One trial with a confident wrong answer."""
 
     initial_pose: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
-    final_pose: Array  # (3,) true pose in the end
+    final_pose: Array  # (3,) true pose after the last squeeze
     predicted_pose: Array  # (3,) pose that the leaf states
     error_mm: float  # audit metric of the final pose to the nearest of the leaf's poses
-    leaf: int  # where it ended
+    leaf: int  # leaf at which the trial ended
     path: tuple[int, ...]  # the nodes passed
     widths_mm: tuple[float, ...]  # widths that the encoder read at these nodes
 

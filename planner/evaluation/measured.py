@@ -24,10 +24,11 @@ def with_figures(
 ) -> tuple[tables.Table, Evaluation]:
     """Puts measured figures into the leaves and branches of a table.
 
-    A leaf becomes unresolved if its trials refute it: a binomial test against the goal's confidence, at a
-    level for all leaves together. Its alternatives are then the other main poses of its parts. A leaf that no
-    part reached keeps its figures, which are tested, too. A leaf also becomes unresolved if the jaws could
-    not hold a part at the leaf's pose, since its few trials are squeezes that the simulator gave up.
+    A leaf becomes unresolved if its trials refute it in a binomial test against the goal's confidence; the
+    level of the test holds for all leaves together. The alternatives of the leaf are then the other main
+    poses of its parts. A leaf that no part reached keeps its figures, which are tested, too. A leaf also
+    becomes unresolved if the jaws could not hold a part at the leaf's pose: its few trials are squeezes that
+    the simulator gave up.
 
     Returns:
         The new table, and the evaluation with the new table, so that `resolved` agrees with its leaves.
@@ -85,9 +86,10 @@ def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
 
 
 def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job) -> tables.Leaf:
+    """The leaf of this index with the figures of its trials, unresolved if they refute it."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    # Without trials it is tested again: its figures were tested at the level of more leaves.
+    # A leaf without trials is tested again: its figures were tested at the level of more leaves.
     seen = (hits, trials) if trials else (tables.successes_of(leaf), leaf.trials)
     refuted = tables.refuted(*seen, job.goal.confidence, len(evaluation.table.leaves))
     leaf = leaf._replace(resolved=leaf.resolved and not refuted)
@@ -125,6 +127,7 @@ def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Le
 
 
 def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:
+    """The nodes with measured shares of their branches, where at least `LEAST_VISITS` parts came."""
     nodes = []
     for index, node in enumerate(table.nodes):
         taken = evaluation.branch[evaluation.path == index]

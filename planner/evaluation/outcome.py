@@ -25,7 +25,7 @@ ERROR_SHARES = (0.5, 0.95)
 class Evaluation:
     """The outcome of each of n trials."""
 
-    table: Table  # that was tried
+    table: Table  # the table that ran
     leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
     squeezes: IntArray  # (n,) number of squeezes
     poses: Array  # (n, 3) true final poses, in the arm's frame
@@ -34,7 +34,7 @@ class Evaluation:
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
     # (n, d) twice the encoder's reading at each node, plus 1 if a part was felt; then `NOWHERE`
     reading: IntArray
-    branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
+    branch: IntArray  # (n, d) the branch taken at each node; `REJECTED` for none, then `NOWHERE`
 
     @cached_property
     def error_mm(self) -> Array:

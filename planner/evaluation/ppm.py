@@ -51,14 +51,14 @@ MOST_ROWS = 8
 class Sums(NamedTuple):
     """Weighted counts of outcomes over many parts; the weights of one part's copies add up to 1."""
 
-    parts: int  # number of parts.
-    visits: Array  # (L,) weight that ended in each leaf.
-    wrong: Array  # (L,) weight answered wrongly in each resolved leaf.
+    parts: int  # number of parts
+    visits: Array  # (L,) weight that ended in each leaf
+    wrong: Array  # (L,) weight answered wrongly in each resolved leaf
     # (L + 1,) sum over parts of the square of a part's wrong weight; last: in all leaves together.
     squares: Array
-    rejected: float  # weight of parts whose width fitted no branch.
-    crashed: float  # weight of parts that an open finger came down on, so that the arm stopped.
-    squeezes: float  # weighted number of squeezes.
+    rejected: float  # weight of parts whose width fitted no branch
+    crashed: float  # weight of parts that an open finger came down on, so that the arm stopped
+    squeezes: float  # weighted number of squeezes
 
     @classmethod
     def none(cls, leaves: int) -> Self:
@@ -91,13 +91,13 @@ class Sums(NamedTuple):
 class Study:
     """A simulation of many parts in chunks; a call with a chunk's number runs it, in any process."""
 
-    program: Program  # the table.
-    job: Job  # the true parts and gripper.
-    worlds: Worlds  # worlds that squeeze the parts, one for each chunk.
-    seed: int  # of all randomness.
+    program: Program  # the table
+    job: Job  # the true parts and gripper
+    worlds: Worlds  # worlds that squeeze the parts, one for each chunk
+    seed: int  # of all randomness
     # (N,) copies of a part at each node, splits at ancestors included; powers of two.
     copies: IntArray
-    disturbance: Disturbance  # errors of the cell.
+    disturbance: Disturbance  # errors of the cell
 
     def identity(self, world: str) -> str:
         """Digest of everything that the sums of a study depend on.
@@ -217,9 +217,9 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
 class Findings:
     """Results of a study; rates and bounds in parts per million of all parts."""
 
-    sums: Sums  # the sums behind the results.
-    wrong: Bound  # rate of confident wrong answers.
-    leaves: list[Bound]  # rate of confident wrong answers of each leaf.
+    sums: Sums  # the sums behind the results
+    wrong: Bound  # rate of confident wrong answers
+    leaves: list[Bound]  # rate of confident wrong answers of each leaf
 
     @classmethod
     def of(cls, sums: Sums) -> Self:

@@ -1,6 +1,6 @@
-"""Seconds of trials by the table's model of time, from their paths.
+"""Computes how long trials take from their paths, by the table's model of time.
 
-Parts follow one another: the hand starts from where it left the previous part.
+Parts follow one another: for each part, the hand starts where it left the previous part.
 """
 
 from functools import cache
@@ -12,13 +12,13 @@ from runtime.table import Schedule, Squeezed, Table, job_of
 
 
 def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
-    """Seconds (n,) of trials of a table.
+    """The durations (n,) of trials of a table [s].
 
     Args:
         table: the table that the trials ran.
         path: (n, d) the nodes passed, in order, then negative.
-        reading: (n, d) what was read at each of them, as `Evaluation.reading`.
-        branch: (n, d) the branch taken at each of them, negative for none.
+        reading: (n, d) the reading at each node, as `Evaluation.reading`.
+        branch: (n, d) the branch taken at each node, negative for none.
     """
     schedule, gripper, profile = (
         Schedule.of(table, job_of(table)),

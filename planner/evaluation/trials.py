@@ -122,11 +122,11 @@ class Step(NamedTuple):
 
 
 class Split(NamedTuple):
-    """Trials of parts of which some were followed as several copies; a row is a part or one copy of it."""
+    """Trials of parts, some of them followed as several copies; a row is a part or one of its copies."""
 
     evaluation: Evaluation
     part: IntArray  # (n,) number of the part
-    weight: Array  # (n,) of the row; those of one part add up to 1
+    weight: Array  # (n,) weight of the row; the weights of one part add up to 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,13 +1,14 @@
 """Identifies a limit surface from measured wrench-twist pairs, and tests it on unseen pairs.
 
-Wrenches are normalised by the friction with the table (mu N), which a log does not contain. Unless stated,
-mu N is estimated as the force that slides the part without turning it, by the fitted ellipsoid and averaged
-over directions. If only the direction of wrenches is known, each is scaled onto the fitted surface instead.
+Wrenches are normalised by the friction force with the table (mu N), which a log does not contain. Unless the
+user states mu N, it is estimated from the fitted ellipsoid: as the force that slides the part without turning
+it, averaged over directions. If only the direction of wrenches is known, each wrench is scaled onto the
+fitted surface instead.
 
 The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid: the strongest one whose
 cross-validated error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The
-Elements of Statistical Learning", 7.10). For directions it is the ridge of least error, since such tables are
-long.
+Elements of Statistical Learning", 7.10). For directions the ridge of least error is taken, since such tables
+have many pairs.
 """
 
 import math
@@ -31,7 +32,7 @@ Surface = LimitSurface | QuarticSurface
 RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid [pairs]
 
 FOLDS = 5
-LEAST_PAIRS = 12  # in all; a split fits to at least half as many
+LEAST_PAIRS = 12  # least pairs in all; a split fits to at least half as many
 
 _FRICTION_ROUNDS = 5
 _SCALING_ROUNDS = 8
@@ -54,8 +55,8 @@ class Fit(NamedTuple):
     """A fitted surface with the parameters of the fit."""
 
     surface: Surface  # the limit surface, of wrenches divided by `friction_n`
-    friction_n: float | None  # with the table at full slip, N; None: magnitudes are unknown
-    ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
+    friction_n: float | None  # friction force with the table [N]; None: wrenches are directions
+    ridge: float  # pull towards the ellipsoid [pairs]; 0 for an ellipsoid
 
 
 class Identified(NamedTuple):
@@ -65,11 +66,11 @@ class Identified(NamedTuple):
     fit: Fit  # fit to all pairs
     errors_rad: Array  # (splits,) mean angle between measured and predicted held-out twists
     held_out: Array  # (K, 3) mean unit twist predicted for each held-out pair; nan for the others
-    fit_error_rad: float  # error of the final fit on its own pairs
+    fit_error_rad: float  # mean angle between measured and predicted twists of all pairs, by `fit`
 
 
 def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
-    """Divides torques by rho, multiplies angles by rho, and scales the twists to length 1."""
+    """Divides the torques of pairs by rho, multiplies angles by rho, and scales the twists to length 1."""
     F = pairs.wrenches / [1.0, 1.0, rho_mm]
     V = pairs.twists * [1.0, 1.0, rho_mm]
     return Normalised(F, _unit(V), pairs.weights / pairs.weights.mean())
@@ -201,7 +202,7 @@ def friction(data: Normalised) -> float:
 def choose_ridge(data: Normalised, rho_mm: float, rng: Generator, tolerance: float = 1.0) -> float:
     """Chooses the strongest of `RIDGES` whose cross-validated error is nearly the least.
 
-    It may exceed the least error by `tolerance` standard errors of that error.
+    The error may exceed the least one by `tolerance` standard errors of the least one.
     """
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))

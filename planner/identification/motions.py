@@ -1,9 +1,9 @@
 """Identifies a limit surface from motions alone: pushes with a round tip, without a force sensor.
 
 The result is the ellipsoid, and the friction of the tip, with which simulated pushes end nearest to the
-measured ones: the least squares of x, y and rho times the angle, robust against outliers (soft L1,
-`SCALE_MM`), by scipy's trust-region method. The scale of the ellipsoid is arbitrary, since it does not change
-where pushes end.
+measured ones. The fit minimises the squared differences of x, y and rho times the angle, robustly against
+outliers (soft L1, `SCALE_MM`), by scipy's trust-region method. The scale of the ellipsoid is arbitrary, since
+it does not change where pushes end.
 """
 
 from typing import NamedTuple
@@ -17,10 +17,10 @@ from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Simulator
 from runtime.shell.errors import InputError
 
-SCALE_MM = 2.0  # Residuals beyond this count linearly, not squared
+SCALE_MM = 2.0  # residual above which residuals count linearly, not squared
 LEAST_PUSHES = 6
-FRICTION = (0.01, 1.5)  # bounds on the friction of the tip
-STEP = 1e-2  # of finite differences: a push is smooth except where contacts change
+FRICTION = (0.01, 1.5)  # bounds on the friction coefficient of the tip
+STEP = 1e-2  # relative step of finite differences: a push is smooth except where contacts change
 
 
 class Motions(NamedTuple):
@@ -31,14 +31,20 @@ class Motions(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """The ellipsoid, and the friction of the tip, that are fitted to pushes."""
+    """The limit surface of the part and the friction of the tip, fitted to pushes."""
 
     surface: LimitSurface
-    friction: float  # of the tip
+    friction: float  # friction coefficient between tip and part
 
 
 def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0.3) -> Fitted:
     """Fits an ellipsoid and the friction of the tip to motions, starting from the unit sphere and `friction`.
+
+    Args:
+        motions: pushes and the motions measured.
+        part: simulates the pushes, with limit surfaces of the same rho.
+        radius_mm: radius of the tip.
+        friction: initial guess of the friction coefficient of the tip.
 
     Raises:
         InputError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
@@ -77,9 +83,9 @@ def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: floa
 def held_out_mm(
     motions: Motions, part: Simulator, radius_mm: float, splits: int, rng: np.random.Generator
 ) -> Array:
-    """Returns the median error of predicted motions that were held out of the fit, (splits,) [mm].
+    """Returns the median error of predicted motions in each random split, (splits,) [mm].
 
-    Each random split fits to one half of the motions and predicts the other half.
+    Each split fits to one half of the motions and predicts the other half.
     """
     n, errors = len(motions.moved), np.empty(splits)
     for split in range(splits):
@@ -90,7 +96,7 @@ def held_out_mm(
 
 
 def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm: float) -> Array:
-    """Differences (n, 3) between simulated and measured ends of pushes: x, y, rho times the angle [mm]."""
+    """Simulated less measured displacements of the part (n, 3): x, y, rho times the angle [mm]."""
     n = len(motions.moved)
     parameters = part.nominal(n, friction)._replace(surfaces=np.repeat(A[None], n, axis=0))
     pushed = part.push(motions.paths, parameters, radius_mm)

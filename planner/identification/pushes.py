@@ -14,12 +14,13 @@ pusher poses and the poses (t x y z qw qx qy qz). A push becomes a pair as follo
 - The first reading of the sensor is its offset, and is subtracted. The force on the part, in the pusher's
   frame, is -`SENSOR_AXES` f: the sensor is mounted turned by 45 degrees, with one axis mirrored, and measures
   the reaction.
-- The share `APPROACH` at the start of a force record counts as approach. Later readings count as contact
-  unless they are weaker than the norm of the mean force of the whole record.
-- The block is taken to move evenly from the pose before to the pose after, over the rest of the record. The
-  wrench is the mean, over the contact readings, of force and torque in the part's frame at that moment. The
-  twist is the constant one that takes the block from the one pose to the other (eq. 1 relates the two).
-- The tip of the pusher lies beside the logged position, to the left by `tip_offset`.
+- The share `APPROACH` at the start of a force record counts as approach. A later reading counts as contact
+  if it is at least as strong as the norm of the mean force of the whole record.
+- During the rest of the record the block is taken to move evenly from the pose before to the pose after. The
+  wrench is the mean of the contact readings, each with its torque, in the part's frame at the moment of the
+  reading. The twist is the constant one that takes the block from the pose before to the pose after (eq. 1
+  relates wrench and twist).
+- The tip of the pusher lies to the left of the logged position, by `tip_offset`.
 """
 
 import math
@@ -43,12 +44,13 @@ FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the fac
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = 0.5  # scatter of the distance of tip and face at contact, over the likely tip offset
+TIP_PRIOR = 0.5
+"""Strength of the pull of `tip_offset` to 0: scatter of the distances from a face, over the likely offset."""
 
 MAX_TILT_DEG = 15.0  # of a logged pose; a larger tilt means that the numbers have another order
 
 MOST_PUSHES = 100_000
-MOST = 1e30
+MOST = 1e30  # upper limit on the numbers of a file
 
 
 class Push(NamedTuple):
@@ -65,7 +67,7 @@ def parse(text: str, where: str = "push log") -> list[Push]:
 
     Raises:
         InputError: the log is truncated, continues after its last push, holds no push, or has an entry that
-            is not a number; names the line.
+            is not a number. The message names the line.
     """
     reader = _Reader(text, where)
     pushes = []
@@ -102,10 +104,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
 def tip_offset(pushes: list[Push]) -> float:
     """Estimates how far the pusher's tip lies to the left of its logged position [mm].
 
-    At the end of a push the tip touches a face. The distance of the logged position from the face is the sum
-    of a constant for each face (radius of the tip, size of the block) and the component of the offset along
-    the normal of the face, which changes with the direction of the push. The offset is the result of least
-    squares, with a weak pull to 0 for logs that push in few directions.
+    At the end of a push the tip touches a face. The distance of the logged position from the face is a
+    constant of the face (radius of the tip, size of the block) less the component of the offset along the
+    face's normal, which changes with the direction of the push. Constants and offset are estimated by least
+    squares, with a weak pull of the offset to 0 for logs that push in few directions.
     """
     rows, distances = [np.array([0.0, 0.0, 0.0, TIP_PRIOR])], [0.0]
     for push in pushes:
@@ -152,6 +154,7 @@ def _wrench(push: Push, sideways: float) -> Array:
 
 
 def _contact(measured: Array) -> BoolArray:
+    """Mask (K,) of the force readings (K, 2) [N] that count as contact."""
     strength = np.hypot(measured[:, 0], measured[:, 1])
     contact = strength >= max(float(np.hypot(*measured.mean(axis=0))), 1e-9)
     contact[: int(APPROACH * len(measured))] = False
@@ -164,6 +167,7 @@ def _origin(pose: Array) -> Array:
 
 
 def _turned(push: Push) -> float:
+    """The angle by which a push turned the block, in [-pi, pi] rad."""
     return math.remainder(float(_yaw(push.after[3:]) - _yaw(push.before[3:])), math.tau)
 
 
@@ -258,7 +262,8 @@ def load(path: Path) -> Pairs:
 
     Raises:
         InputError: the file is missing, unreadable or not text.
-        InputError: the content is not as described for this module; names the line.
+        InputError: the content does not have the format that the module's docstring describes. The message
+            names the line, the push or the pair.
     """
     if path.suffix.lower() == ".csv":
         return load_table(path)
@@ -268,11 +273,11 @@ def load(path: Path) -> Pairs:
 
 
 def load_table(path: Path, names: Sequence[str] = COLUMNS) -> Pairs:
-    """Reads a table of pairs; `names` are those of three columns of the wrench and three of the twist.
+    """Reads a table of pairs; `names` are the columns of the wrench (three) and of the twist (three).
 
     Raises:
-        InputError: see `columns.read`; or there are no rows, a number is too large for a measurement, a
-            weight is not positive, or a wrench or twist is zero.
+        InputError: `columns.read` refuses the file, or it has no rows, a number that is not below `MOST`, a
+            weight that is not positive, or a wrench or twist that is zero.
     """
     table = np.column_stack([*columns.read(path, names, {WEIGHT: 1.0}).values()])
     wrenches, twists, weights = table[:, :3], table[:, 3:6], table[:, 6]

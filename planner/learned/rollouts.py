@@ -26,10 +26,10 @@ from planner.work.scheduler import Threads
 
 COLLIDES = -1  # Status of a roll-out in which an open finger would come down on the part
 PAPER_COUNT = 9_000  # Number of roll-outs in the paper (VII)
-BLOCK = 1024  # Starts of a block: a few hundredths of a second
+BLOCK = 1024  # Number of starts of a block; rolling it out takes a few hundredths of a second
 FORMAT = b"roll-outs 1"
 RING_MM = 5.0  # Width of a ring
-FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
+FACTOR = 3.0  # Radius of the region, in units of the radius of the job's uncertainty (paper, VII)
 
 
 class RollOuts(NamedTuple):
@@ -42,15 +42,14 @@ class RollOuts(NamedTuple):
 
 
 class Block(NamedTuple):
-    """A block of the starts in one ring.
+    """A block of the starts in one ring: `starts` of them, but at most `BLOCK`.
 
-    It begins at start number `BLOCK * number` of the ring, and has `BLOCK` or `starts` starts, whichever is
-    less.
+    It begins at start number `BLOCK * number` of the ring.
     """
 
-    ring: int
-    number: int
-    starts: int
+    ring: int  # number of the ring, from the innermost on
+    number: int  # number of the block in the ring
+    starts: int  # starts of the ring from this block on
 
 
 def roll_outs(
@@ -135,7 +134,7 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
     """Mask (n,) of `poses` (n, 3) at which the part's circumscribed circle meets the box of the fingers.
 
-    At other poses a squeeze leaves the part exactly where it is.
+    The box contains the fingers during a whole squeeze: at other poses they do not touch the part.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)

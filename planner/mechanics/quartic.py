@@ -3,8 +3,8 @@
 H(F) = sum_k a_k F^e_k over the 15 monomials of degree 4, with H = 1 on the surface; F and V are normalised as
 in `limit_surface`. A positive definite certificate Q (9, 9) shows that H is convex
 (`planner.part.quartic_form`; Zhou et al., arXiv 1602.06056). Every convex quartic form in three variables has
-such a Q (Ahmadi and Parrilo 2013). It is not unique: the surfaces of this module have the Q of
-largest determinant.
+such a Q (Ahmadi and Parrilo 2013). Q is not unique: the surfaces of this module have the Q of largest
+determinant.
 
 By Euler's theorem V = s A(F) F with A(F) = hess H(F) / 3: an ellipsoid's law whose matrix depends on the
 wrench.
@@ -94,9 +94,9 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws n random quartics around a nominal one: tables (n, 6, 6) as `hessian_table`.
 
-    Each is the nominal one in other coordinates, which take its nearest ellipsoid into a Wishart draw with
-    that ellipsoid as mean and with `dof`. So quartics scatter like ellipsoids (a squared
-    ellipsoid in exactly the same way) and stay convex.
+    Each is the nominal quartic in other coordinates. The change of coordinates takes the ellipsoid nearest to
+    the quartic into a Wishart draw with this ellipsoid as mean and with `dof` degrees of freedom. So quartics
+    scatter like ellipsoids (a squared ellipsoid in exactly the same way) and stay convex.
     """
     factor, white = _factor(surface), limit_surface.wishart(np.eye(3), dof, rng, n)
     root = np.linalg.cholesky(white + ROUNDING * np.eye(3))

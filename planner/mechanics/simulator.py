@@ -46,8 +46,8 @@ DEFAULT_STEP_MM, LEAST_STEP_MM = 0.4, 1e-3
 MOST_JAWS_MM = 1e4
 SIMPLIFY_MM = 0.005
 """Tolerance within which densely sampled outlines are simplified: finer than a step resolves."""
-CHUNK = 512
-TRACE_ROWS = 2000
+CHUNK = 512  # squeezes or pushes that a thread simulates in one call of a kernel
+TRACE_ROWS = 2000  # most poses of a recorded squeeze
 STUCK_MM, STUCK_DEG = 10.0, 5.0
 """Tolerated deviation of a part that sticks to its pusher from the motion of the pusher."""
 
@@ -139,8 +139,9 @@ class Simulator:
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
         """Draws parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
 
-        The `traits` (n,) of the parts choose the nominal surface and its degrees of freedom, and fix all
-        other values that they state; None: parts as planned.
+        The `traits` (n,) of the parts choose the nominal surface and the degrees of freedom of its scatter.
+        They also state the finger share, the deviations of the outline and, unless `FRESH`, the friction.
+        None: parts as planned.
         """
         parts_traits = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
         arguments.same_length(poses=range(n), traits=parts_traits)

@@ -116,7 +116,10 @@ def nominal(surface: Surface) -> Array:
 
 
 def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Draws n random surfaces about the nominal one, physically consistent (paper IV: Wishart with `dof`)."""
+    """Draws n random surfaces about a nominal one: (n, 3, 3) ellipsoids or (n, 6, 6) tables of quartics.
+
+    All are physically consistent (paper IV: a Wishart distribution with `dof` degrees of freedom).
+    """
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
     return quartic.sample(surface, dof, rng, n)

@@ -7,28 +7,29 @@ from typing import NamedTuple
 
 from runtime.table import CLEAR_MM, Phases, Schedule, Table, Timing, job_of, trapezoid_s
 
-LEAST_SQUEEZES = 20  # in a journal
+LEAST_SQUEEZES = 20  # fewer squeezes give no estimate
 LEAST, MOST = 10.0, 100_000.0  # range of accelerations tried [mm/s2]
-HALVINGS = 60  # of the interval of accelerations
+HALVINGS = 60  # of the range of accelerations
 
 
 class Timed(NamedTuple):
-    """A squeeze of a journal: its node, the width, and the measured times of its phases."""
+    """A squeeze of a journal: its node, the measured width, and the measured times of its phases."""
 
-    node: int
+    node: int  # index of the table's node
     width_mm: float
     last: bool  # whether it is the last squeeze of the part
     phases: Phases
 
 
 def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
-    """Estimates response times, polling time and acceleration: values by key of a job's section [cell].
+    """Estimates the response times of arm and jaws, the polling time and the arm's acceleration.
 
-    Keys for which data are missing are left out.
+    After the last squeeze of a part the hand rises to the retreat height, after the others to just above the
+    part. The difference between the times of the two rises gives the acceleration. The response time of the
+    arm is the time of the shorter rise less the time of its motion at this acceleration.
 
-    The hand rises by two heights: to the retreat height after the last squeeze of a part, and to just above
-    the part after the others. The difference between the two times gives the acceleration; what remains of
-    the shorter time is the response time of the arm.
+    Returns:
+        The values by key of a job's section [cell], without the keys for which the squeezes have no data.
     """
     timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:

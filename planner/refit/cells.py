@@ -24,14 +24,17 @@ from runtime.table import Table
 LEAST_FRICTION = 0.05
 UNEVEN = 0.1  # least half-width of the range of the fingers' share
 OFFSET_MM = 1.5  # least half-width of the range of the constant error of widths
-FEET = 20  # sets of three feet, besides those of `doubt.pressure = "any"`
-INMOST = 0.4  # least distance of these feet from the centre, as a share of that of the corner
+FEET = 20  # sets of three feet, besides the limit surfaces of `doubt.pressure = "any"`
+INMOST = 0.4  # least distance of such a foot from the centre, as a share of its corner's distance
 
 
 class Quantity(NamedTuple):
-    """An uncertain quantity with its interval; `key` is the key in [doubt] or [friction]."""
+    """An uncertain quantity of a cell with the interval of its values.
 
-    key: str
+    The values of `least_dof` are natural logarithms of the degrees of freedom.
+    """
+
+    key: str  # in [doubt] or [friction]
     low: float
     high: float
 
@@ -46,7 +49,8 @@ class Space(NamedTuple):
     def of(cls, job: Job, surfaces: int) -> Self:
         """Returns the space of a job's cells: the intervals of their constant errors and friction.
 
-        The intervals are those of the job, widened to errors and friction that are usual in cells.
+        The intervals are those of the job, widened to the errors and the friction that are usual in cells. A
+        quantity whose interval has no width is left out.
         """
         doubt, friction = job.doubt, job.friction
         usual = {
@@ -81,7 +85,8 @@ class Space(NamedTuple):
     def draw(self, n: int, rng: Generator) -> Array:
         """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
-        The quantities are uniform. Half of the points have surface 0, that of the job.
+        Each quantity is uniform in its interval; the two bounds of the friction are then sorted. If there are
+        several surfaces, half of the points have surface 0, that of the job.
         """
         low, high = self.bounds
         points = rng.uniform(low, high, (n, len(low)))
@@ -101,7 +106,7 @@ class Space(NamedTuple):
 
 
 def _on_feet(job: Job) -> list[Surface]:
-    """Limit surfaces of parts on three feet; each foot lies between the centre and a corner of the hull."""
+    """Limit surfaces of parts on three feet, each at a random place between the centre and a corner."""
     corners, rng = stances(job.part.outline_mm), np.random.default_rng(FEET)
     feet = rng.choice(corners, FEET) * rng.uniform(INMOST, 1.0, (FEET, 3, 1))
     pressures = ({"kind": "points", "points_mm": np.round(places, 6).tolist()} for places in feet)
@@ -136,7 +141,11 @@ class Cells:
 
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
-        """Returns the cells of a job that run a decision table; parts may press on the support in any way."""
+        """Returns the cells of a job that run a decision table.
+
+        Parts press on the table as the job says, as `doubt.pressure = "any"` allows or, if that adds limit
+        surfaces, on three random feet.
+        """
         one_form = {"limit_surface": "ellipsoid"} if job.pressure.limit_surface == "any" else {}
         any_pressure = job.replaced(doubt={"pressure": "any"}, pressure=one_form)
         simulator = Simulator.of_job(any_pressure, workers=1)
@@ -146,7 +155,7 @@ class Cells:
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Runs parts through the table in the cell at a point (d + 1,)."""
-        values = self.values_at(point)
+        values = {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
         friction = values["finger_part_min"], values["finger_part_max"]
         simulator = replace(self.simulator, friction=friction)
         world = ContactWorld.of_simulator(simulator, [seed])
@@ -154,12 +163,8 @@ class Cells:
         off = Off(all_alike=self._traits(values, int(point[-1])))
         return Cell(self.program, self.job, world, off, rng).run(parts)
 
-    def values_at(self, point: Array) -> dict[str, Any]:
-        """The quantities at a point, by key."""
-        return {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
-
     def surface_entries(self) -> Array:
-        """The nominal limit surfaces (surfaces, k), one a row: the entries of their matrices."""
+        """The matrices of the nominal limit surfaces (surfaces, k), each flattened, the job's first."""
         surfaces = (self.simulator.surface, *self.simulator.others)
         return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
 

@@ -1,38 +1,43 @@
-"""Findings of a posterior about a cell: a sentence for each quantity, and resulting changes of the job."""
+"""Findings about a cell from its posterior: a sentence for each quantity, and the changes of the job."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.belief.doubts import closing_mm
 from planner.job.model import Job
 from planner.mechanics.limit_surface import LimitSurface
 from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
-LEARNED = 0.4  # least spread, as a share of the prior's, of a quantity that counts as not learned
+LEARNED = 0.4  # spread, as a share of the prior's, below which a quantity counts as learned
 ENDS = (0.05, 0.95)  # quantiles that bound the interval in sentences and jobs
-KEPT_DOUBT = 0.1  # share of particles with friction beyond the learned bounds
-SURE = 0.8  # probability above which another limit surface replaces the job's
-OFF_MM = 0.5  # distance of the fingers' meeting point above which they need repair
-OFF = 0.02  # error of the fingers' share above which the gripper is faulty
+KEPT_DOUBT = 0.1  # `friction.doubt` in the job, at most, once both bounds are learned
+SURE = 0.8  # least probability of another limit surface that replaces the job's
+OFF_MM = 0.5  # distance of the fingers' meeting point from the middle that asks for repair
+OFF = 0.02  # error of the upper finger's share that asks for repair
 DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}  # in the job
 
 
 class Finding(NamedTuple):
-    """Posterior mean and 90 % interval of one quantity, in the form of the JSON output."""
+    """Posterior mean and 90 % interval of one quantity, in the form of the JSON output.
 
-    quantity: str
+    Those of `least_dof` are of its natural logarithm. For `pressure`, `mean` and `low_5` are both the
+    probability of the job's limit surface, and `high_95` is the greatest probability of any surface.
+    """
+
+    quantity: str  # key in [doubt] or [friction], or "pressure"
     mean: float
     low_5: float
     high_95: float
-    learned: bool  # whether the data narrow the prior
-    sentence: str
+    learned: bool  # whether the journals determine the quantity
+    sentence: str  # the finding, for people
 
 
 def findings(posterior: Posterior, cells: Cells) -> list[Finding]:
-    """The results for all quantities of the cell, in the order of its space."""
+    """Returns the finding for each quantity of the space, then that for the pressure if it may differ."""
     results = [_finding(quantity, posterior, cells.job) for quantity in posterior.space.quantities]
     return results + ([_pressed(posterior)] if posterior.space.surfaces > 1 else [])
 
@@ -104,14 +109,14 @@ def _pressed(posterior: Posterior) -> Finding:
     return Finding("pressure", stated, stated, best, learned, sentence)
 
 
-def surface_shares(posterior: Posterior) -> Any:
-    """Probability of each limit surface (surfaces,), the job's first."""
+def surface_shares(posterior: Posterior) -> Array:
+    """The probabilities (surfaces,) of the limit surfaces, the job's first."""
     numbers = posterior.cells[:, -1].astype(np.int64)
     return np.bincount(numbers, minlength=posterior.space.surfaces) / len(numbers)
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """Changes of the job by section and key; values that the journals do not determine are left out."""
+    """The new values of the job by section and key, without those that the journals do not determine."""
     every = findings(posterior, cells)
     record = {finding.quantity: finding for finding in every if finding.learned}
     doubt: dict[str, Any] = {
@@ -130,8 +135,8 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
 def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     """The new values of [friction] by key; none if the journals determine neither bound.
 
-    New bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction. A bound that
-    is not determined stays; if both are, `doubt` is at most `KEPT_DOUBT`.
+    The new bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction. A bound
+    that the journals do not determine stays. If they determine both, `doubt` is at most `KEPT_DOUBT`.
     """
     keys = ("finger_part_min", "finger_part_max")
     if not any(key in learned for key in keys):

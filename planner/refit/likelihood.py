@@ -30,11 +30,11 @@ class Likelihood:
     simulated cells, on p terms made of the features.
     """
 
-    centre: Array  # (k,) of the features
-    scale: Array  # (k,)
+    centre: Array  # (k,) mean of the features
+    scale: Array  # (k,) standard deviation of the features
     curved: bool  # whether the terms include squares and products
     statistics: Array  # (k,) of the observed parts
-    slopes: Array  # (p, k)
+    slopes: Array  # (p, k) coefficients of the regression
     whiten: Array  # (k, k) whitens the scatter
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 

@@ -1,6 +1,6 @@
-"""Numbers the kinds of observations, so that journals and simulated parts can be counted alike.
+"""Numbers the outcomes of a table's parts, so that those of journals and of simulated parts can be compared.
 
-An observation is a reading at a node, or at an audited leaf the measured less the predicted pose.
+An outcome is a reading at a node or, at an audited leaf, a residual: the measured less the predicted pose.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
-EMPTY_UM = 2000  # widths up to this may be those of an empty hand
-LINE = 250  # number of steps of each residual of measured poses
+EMPTY_UM = 2000  # widest reading of an empty hand [um]
+LINE = 250  # number of steps of each coordinate of a residual
 STEP_MM = 0.1  # size of a step
 
 
@@ -33,13 +33,13 @@ class Seen(NamedTuple):
 class Outcomes:
     """Gives each outcome of a table's parts a number from 0 to `size` - 1; `size` stands for no outcome.
 
-    An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at a leaf. Poses are
-    compared only at leaves that were audited. The bins of a node have consecutive numbers, and so have the
-    `LINE` steps of each coordinate of a residual; the nodes come first.
+    An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at an audited leaf.
+    The bins of a node have consecutive numbers, and so have the `LINE` steps of each coordinate of a
+    residual; the nodes come first.
     """
 
     table: Table
-    audited: BoolArray  # (leaves,)
+    audited: BoolArray  # (leaves,) whether a leaf was audited
 
     @property
     def size(self) -> int:
@@ -48,10 +48,14 @@ class Outcomes:
 
     @property
     def _read(self) -> int:
+        """Number of outcomes that are readings."""
         return self.table.gripper.bins * len(self.table.nodes)
 
     def of_parts(self, evaluation: Evaluation) -> IntArray:
-        """Returns outcome numbers (n, d + 3) of simulated parts: of d squeezes, then of x, y and theta."""
+        """Returns the outcome numbers (n, d + 3) of n simulated parts.
+
+        Of each part, d numbers are of its squeezes, then three of the x, y and theta of its residual.
+        """
         bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
         place = self.table.gripper.bins * evaluation.path + bins
         read = np.where(evaluation.path < 0, self.size, place)

@@ -22,14 +22,14 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 
 SURFACE_FEATURES = 2  # principal components that describe a limit surface
-WIDE = 0.25  # power of the likelihood for drawing rounds: twice as wide as the posterior
+WIDE = 0.25  # power of the likelihood between rounds; it makes the posterior twice as wide
 EFFECTIVE = 15.0  # least effective number of cells at which chains start
 COARSE = 2  # factor by which the first half of the rounds simulates fewer parts
 DRAWN = 2_000  # cells of the posterior
 CHAINS = 300  # least number of chains; the steps of a chain depend on the spread of the others
 STEPS = 200  # of each chain
 ROOM = 0.25  # margin, as a share of the range of cells tried, in which the polynomials still hold
-ACROSS = 0.1  # share of steps as long as the distance of two chains, from one mode to another
+ACROSS = 0.1  # share of steps by the whole difference of two chains, which may lead to another mode
 
 Task = tuple[Array, int, int]
 """A cell to simulate: its point (d + 1,), the number of pairs of sets of parts, and the seed."""
@@ -40,11 +40,11 @@ class Effort(NamedTuple):
 
     rounds: int = 7
     cells: int = 100  # in each round; twice as many in the first
-    parts: int = 600  # in each cell, at least
-    parts_for_each: float = 4.0  # in each cell for each part observed, at least
+    parts: int = 600  # least parts in each cell, about
+    parts_for_each: float = 4.0  # least parts in each cell for each observed part, about
 
     def pairs_for(self, seen: Seen) -> int:
-        """Number of pairs of sets to simulate in each cell; a set has as many parts as were observed."""
+        """Number of pairs of sets of parts in each cell; a set has as many parts as were observed."""
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
 
@@ -71,7 +71,10 @@ def posterior(
     effort: Effort = USUAL,
     report: Report = silent,
 ) -> Posterior:
-    """Draws cells from their posterior given the observations `seen`."""
+    """Draws `DRAWN` cells from their posterior given the observations `seen`.
+
+    The result depends on the seed and the effort, not on the scheduler.
+    """
     rng = np.random.default_rng([seed, 0x504F53])
     outcomes = Outcomes(
         cells.program.table, np.isin(np.arange(len(cells.program.table.leaves)), seen.leaves)
@@ -105,7 +108,8 @@ def _log(
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
     """Simulates pairs of sets of parts in one cell; returns their outcome numbers (pairs, 2, n, d).
 
-    The second set of each pair has at most as many audited parts as `seen`.
+    A set has as many parts as `seen`, n. In the second set of each pair, at most as many parts are audited as
+    in `seen`.
     """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
@@ -159,7 +163,7 @@ def _drawn(
 def _power(likelihoods: Array, effective: float) -> float:
     """The highest power of a likelihood, up to 1, that leaves an effective sample size of `effective`.
 
-    `likelihoods` (n,) are the logarithms at n cells; of `effective` at most 0.9 n is asked for.
+    `likelihoods` (n,) are the logarithms at n cells. An `effective` above 0.9 n counts as 0.9 n.
     """
     effective = min(effective, 0.9 * len(likelihoods))
 
@@ -172,7 +176,7 @@ def _power(likelihoods: Array, effective: float) -> float:
 def _features(cells: Cells) -> Callable[[Array], Array]:
     """Returns a function that maps points (n, d + 1) of cells to features (n, k).
 
-    The features are the quantities, and principal components of the limit surfaces.
+    The features are the quantities, then the principal components of the limit surface.
     """
     entries = cells.surface_entries()
     main = np.linalg.svd(entries - entries.mean(axis=0), full_matrices=False)

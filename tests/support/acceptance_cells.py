@@ -1,4 +1,4 @@
-"""Simulated cells under the acceptance study: parts whose audits are drawn, looked at after each of them."""
+"""Simulates cells under the acceptance study: draws audits of parts, and evaluates the study after each."""
 
 from collections.abc import Iterable
 from enum import Enum
@@ -15,7 +15,7 @@ UNSEEN, STOPPED = Part(1, outcome="leaf", verdict="unknown"), Part(1, outcome="s
 
 
 class Tried(Enum):
-    """What the verdict on a cell was, held against its true rate."""
+    """Whether the verdict on a cell was right, given the cell's true rate of failures, or is still open."""
 
     RIGHT = "right"
     WRONG = "wrong"
@@ -23,14 +23,14 @@ class Tried(Enum):
 
 
 def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen=0.0) -> Tried:
-    """Run a cell until its first verdict, or for so many parts.
+    """Runs a cell until the first verdict on it, or until `most` parts are done.
 
     Args:
-        rng: of everything.
-        rate: true share of failures; at the limit itself either verdict is wrong.
-        limit: of the study.
-        most: number of parts.
-        unseen: share of parts whose audit tells nothing, whether or not they failed.
+        rng: source of randomness.
+        rate: true share of failures; if it equals the limit, either verdict is wrong.
+        limit: limit of the study on the share of failures.
+        most: most parts.
+        unseen: share of parts at a leaf whose audit has no result, whether or not they failed.
     """
     fails, kinds = rng.random(most) < rate, rng.integers(len(FAILED), size=most)
     hidden, stopped = rng.random(most) < unseen, rng.random(most) < 0.01
@@ -42,7 +42,7 @@ def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen
 
 
 def judged(parts: Iterable[Part], rate: float, limit: float) -> Tried:
-    """The first verdict on parts, looked at after each; at a true rate of the limit either is wrong."""
+    """Compares the first verdict on parts with their true rate; the study is evaluated after each part."""
     for now in followed(parts, limit):
         if now.verdict is Verdict.ACCEPTED:
             return Tried.RIGHT if rate < limit else Tried.WRONG

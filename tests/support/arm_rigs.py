@@ -1,4 +1,4 @@
-"""Arms of every make, simulated. A new make is one more class here, and one more name in `RIGS`."""
+"""Simulated arms of every make. A new make needs a class here, and a name in `RIGS`."""
 
 import atexit
 import contextlib
@@ -27,10 +27,10 @@ BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class ArmRig:
-    """A driver and a simulated controller of an arm; a subclass sets `url` and `model`, the controller."""
+    """A simulated controller of an arm and its driver; a subclass sets `url` and the controller, `model`."""
 
     far_mm = 900.0
-    base = BASE  # that its address states
+    base = BASE  # pose of the arm's base that the address states
     limits = "&reach=580"
 
     def __init__(self):
@@ -75,7 +75,7 @@ class Abb(ArmRig):
 
 
 class AbbWithBase(Abb):
-    """The same, told where its base is: it knows its reach."""
+    """The same with an address that states the arm's base, so that the driver knows the arm's reach."""
 
     base = BASE
 
@@ -114,7 +114,7 @@ class OmniCoreRig(ArmRig):
 
 @cache
 def certificate():
-    """A PEM file with a certificate, its key, and the authority of our own that issued it."""
+    """The path of a PEM file with a certificate, its key, and the test authority that issued it."""
     folder = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, folder)
     path = f"{folder}/controller.pem"

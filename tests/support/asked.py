@@ -1,4 +1,4 @@
-"""Parts of a robot that asks, in memory."""
+"""The decision server without its socket: answers the lines of a robot in memory."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ def asked_parts(
     clock: SystemClock | None = None,
     count: int | None = None,
 ) -> AskedParts:
-    """What answers a robot's lines by a table."""
+    """Returns the object that answers a robot's lines by a table, with fakes for what is not given."""
     return AskedParts(
         table,
         "0" * 64,

@@ -1,4 +1,4 @@
-"""Robots that ask `grasp-runtime --serve`, and the server as a process of its own."""
+"""Robots that ask the decision server `grasp-runtime --serve`, and this server as a process."""
 
 import socket
 from math import radians
@@ -25,12 +25,12 @@ CLIENTS = ROOT / "tools" / "docs" / "clients"
 
 
 def client() -> ModuleType:
-    """The documented client, which imports nothing of ours."""
+    """The module of the documented client, which imports nothing of this project."""
     return module_at(CLIENTS / "robot.py")
 
 
 class SimulatedRobot:
-    """Arm and gripper of a simulated cell on virtual time, moved as the protocol's words say."""
+    """A robot for the documented client: moves arm and gripper of a simulated cell in virtual time."""
 
     def __init__(self, setting: Setting, seed: int, table: Table) -> None:
         self.cell = VirtualCell(setting, seed)
@@ -66,7 +66,7 @@ class SimulatedRobot:
 
 
 class Controller:
-    """The documented client in structured text, as a PLC calls it, with a line to the server and a robot."""
+    """The documented client in structured text, called as a PLC calls it; `line` leads to the server."""
 
     ERROR = 4
 
@@ -75,15 +75,15 @@ class Controller:
         self._block = FunctionBlock((CLIENTS / "robot.st").read_text())
 
     def cycle(self, **changes: object) -> dict[str, object]:
-        """One call, with the inputs that are not named as they are while nothing happens."""
+        """Calls the block once and returns its outputs; inputs that are not named have their idle values."""
         quiet = {"start": False, "answered": False, "answer": "", "placed": False}
         return self._block(**{**quiet, "counts": 0, "held": False, "released": False, **changes})
 
     def locate(self, robot: SimulatedRobot) -> tuple[float, ...] | None:
-        """Locate one part; returns x mm, y mm, angle deg and success, or None where it was not located.
+        """Locates one part; returns x mm, y mm, angle deg and success, or None if it was not located.
 
         Raises:
-            RuntimeError: the block moves nothing more.
+            RuntimeError: the block waits in a state in which no robot moves.
         """
         result = self.cycle(start=True)
         while result["state"] != 0:
@@ -106,7 +106,7 @@ class Controller:
 
 
 class Results(Console):
-    """What a driven run told of its parts."""
+    """A console that collects outcome, leaf and readings of each part."""
 
     def __init__(self) -> None:
         self.parts: list[dict[str, object]] = []
@@ -120,7 +120,7 @@ class Results(Console):
 def driven(
     setting: Setting, seed: int, table: Table, count: int, journal: Journal
 ) -> list[dict[str, object]]:
-    """The parts of a run whose arm and gripper the executor moves."""
+    """Runs `count` parts with the executor in the simulated cell; returns a record of each as `Results`."""
     cell, result = VirtualCell(setting, seed), Results()
     devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
     run_journalled(table, devices, result, RunOptions(activate=True, count=count))
@@ -128,7 +128,7 @@ def driven(
 
 
 class Served(ServedRun):
-    """`grasp-runtime --serve` as a process; `port` is where it answers."""
+    """`grasp-runtime --serve` as a process that answers at `port`."""
 
     def __init__(self, tree: Path, *more: str) -> None:
         words = ["--tree", str(tree), "--serve", "tcp://127.0.0.1:0", *more]
@@ -136,7 +136,7 @@ class Served(ServedRun):
 
 
 class Line(Closing):
-    """A client that says whatever a test wants."""
+    """A client that sends arbitrary bytes to the server."""
 
     def __init__(self, served: Served) -> None:
         self.socket = socket.create_connection(("127.0.0.1", served.port), timeout=WAIT_S)
@@ -146,7 +146,7 @@ class Line(Closing):
         self.socket.sendall(data)
 
     def read(self) -> str:
-        """The next line, "" at the end of the connection."""
+        """Reads the next line; "" if the connection has ended."""
         return self._file.readline().decode("ascii").rstrip("\n")
 
     def ask(self, line: str) -> str:

@@ -1,4 +1,4 @@
-"""Whole runs with an audit: `grasp-runtime --port sim --audit`, a rendered camera, and what they come to."""
+"""Runs `grasp-runtime --port sim --audit` with a rendered camera, and compares the audits with the truth."""
 
 import json
 import math
@@ -14,17 +14,17 @@ from programs import RUNTIME, ended
 from runtime.journal.chain import records
 from runtime.table import Table
 
-# By how many mm the poses of leaf k, k + 8, ... are off: right, wrong, and close to a threshold of 3 mm.
+# Error of the poses of leaf k, k + 8, ... [mm]: right, wrong, and close to a threshold of 3 mm.
 OFF_MM = (0.0, 3.03, 0.0, 2.85, 3.12, 3.2, 5.0, 4.0)
 
 
 class Judged(NamedTuple):
-    """One part at a leaf.
+    """An audited part.
 
     Attributes:
         answer: the audit's record in the journal.
-        error_mm: where the world says the part is, against the leaf.
-        within: whether that meets the goal.
+        error_mm: true distance of the part from the leaf's pose.
+        within: whether this distance is within the goal.
     """
 
     answer: dict[str, Any]
@@ -33,7 +33,7 @@ class Judged(NamedTuple):
 
 
 def mixed(table: Table) -> Table:
-    """The table with some leaves as they are, and some deliberately wrong."""
+    """The table with the poses of its leaves moved by `OFF_MM`, so that some of them are wrong."""
     leaves = []
     for number, leaf in enumerate(table.leaves):
         off_um, bearing = 1e3 * OFF_MM[number % len(OFF_MM)], 2.4 * number
@@ -43,7 +43,7 @@ def mixed(table: Table) -> Table:
 
 
 def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: float) -> list[str]:
-    """The command; `folder` holds camera.json and tag.json, and gets the journal."""
+    """The command of a run; `folder` holds camera.json and tag.json, and receives the journal."""
     audit = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(tree)]
     audit += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
     audit += ["--deadline", "9.5"]
@@ -54,12 +54,12 @@ def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: floa
 
 
 class Loop(NamedTuple):
-    """What came of so many parts.
+    """Results of several runs.
 
     Attributes:
-        parts: that were judged.
-        outcomes: of all parts.
-        faults: reasons of those that ended in one.
+        parts: the audited parts.
+        outcomes: number of parts by outcome, of all parts.
+        faults: reason of each part that ended in a fault, and of each run that did not start.
     """
 
     parts: list[Judged]
@@ -70,10 +70,10 @@ class Loop(NamedTuple):
 def loop(
     tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20
 ) -> Loop:
-    """Run so many parts to a leaf. After a fault another run goes on, with the next seed.
+    """Runs until `parts` parts were audited, in at most `runs` runs; after a fault the next seed continues.
 
-    At many times life's speed a busy machine makes the deadlines of gripper and arm fail; that is not the
-    audit's, so faults are told, not judged.
+    A busy machine may exceed the deadlines of gripper and arm at a high `time_scale`. The audit is not to
+    blame for that: faults are collected, and are no failure.
     """
     result = Loop([], Counter(), [])
     for number in range(runs):
@@ -83,7 +83,7 @@ def loop(
         before = len(of_runs(folder / "journal.jsonl"))
         _, out, err = ended(words, timeout=None)
         runs_now = of_runs(folder / "journal.jsonl")[before:]
-        if not runs_now:  # the cell did not come up
+        if not runs_now:  # the cell did not start
             result.faults.append(err.strip().rpartition("\n")[2])
             continue
         more, run = judged(out, runs_now[0])
@@ -94,7 +94,7 @@ def loop(
 
 
 def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
-    """The records of each run in a journal; none where there is no journal yet."""
+    """The records of each run in a journal; none if there is no journal yet."""
     runs: list[list[dict[str, Any]]] = []
     for record in records(journal) if journal.exists() else ():
         if record["kind"] == "header":
@@ -104,11 +104,11 @@ def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
 
 
 def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dict[str, Any]]]:
-    """The parts of one run that were judged, and all of them as `--json` tells them.
+    """The audited parts of one run, and all its parts as `--json` prints them.
 
     Args:
-        said: the run's standard output.
-        run: its records.
+        said: standard output of the run.
+        run: the run's records in the journal.
     """
     document = {part["part"]: part for part in map(json.loads, said.splitlines())}
     asked = [(record, document[record["part"]]) for record in run if record["kind"] == "audit"]
@@ -117,10 +117,10 @@ def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dic
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:
-    """How well the audit's verdicts agree with the world.
+    """Figures of how well the audit's verdicts agree with the true distances.
 
-    `false_passes` are parts beyond the goal that passed; `beyond_the_budget` those whose measured distance is
-    farther from the truth than the error that the audit gave.
+    `false_passes` counts parts outside the goal that passed. `beyond_the_budget` counts parts whose measured
+    distance differs from the true distance by more than the error that the audit stated.
     """
     given = [part for part in parts if part.answer["verdict"] != "unknown"]
     measured = [part for part in parts if "distance" in part.answer]

@@ -1,4 +1,4 @@
-"""Journals of audited parts, written line by line, without a sync for each of them."""
+"""Writes journals of audited parts in one go, without the runtime and its sync of every record."""
 
 import json
 
@@ -13,7 +13,7 @@ NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Chain:
-    """The records of a journal's file and more, which are written at the end."""
+    """Collects records after those of a journal's file, if it exists; writes all of them at the end."""
 
     def __init__(self, path):
         self._path = path
@@ -34,7 +34,7 @@ class Chain:
 
 
 def write(path, parts, tree=TABLE, ended=True):
-    """A journal as grasp-runtime writes one, with the audit's measurements in it."""
+    """Writes a journal of parts as grasp-runtime would, with the residuals of the audit; returns its path."""
     with Chain(path) as journal:
         journal.header(tree)
         for part in parts:

@@ -1,6 +1,6 @@
-"""What bkstools' BKSModule does with a gripper at a port: written for the real one, run by test_bkstools.
+"""Moves a gripper at a port with BKSModule, of SCHUNK's bkstools, and prints the results as a JSON object.
 
-Prints a JSON object: what each command came to.
+test_bkstools runs this script on a simulated gripper.
 """
 
 import json
@@ -9,7 +9,7 @@ import sys
 from bkstools.bks_lib.bks_module import BKSModule
 
 module = BKSModule(sys.argv[1], repeater_timeout=20.0)
-module.wait_command_received_timeout = 20.0  # as long as a busy machine may take
+module.wait_command_received_timeout = 20.0  # enough for a busy machine
 results = {"error at start": module.err_code, "ready": module.MakeReady()}
 
 

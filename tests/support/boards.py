@@ -1,4 +1,4 @@
-"""A calibration board on the table and held before the camera of `cameras`, as cards and as exact corners."""
+"""A calibration board on the table and before the camera of `cameras`, as cards and as exact corners."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,13 @@ TILTS = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
 
 
 def held(tilt, spot, distance_mm):
-    """The board before the camera: its pose in the camera, and as a card in the world."""
+    """The board as a card in the world, tilted before the camera.
+
+    Args:
+        tilt: rotation about the camera's x and y axes [rad].
+        spot: pixel at which its middle appears.
+        distance_mm: depth of its middle before the camera.
+    """
     ray = VIEW.lens.rays(np.array([spot]))[0]
     turn, _ = cv2.Rodrigues(np.array([*tilt, 0.1]))
     middle = distance_mm * np.array([*ray, 1.0])
@@ -29,7 +35,7 @@ def corners_on_board():
 
 
 def seen(card, name, rng=None, noise_px=0.0):
-    """The corners of a card as a perfect detector would find them, with noise."""
+    """The corners of a card as a perfect detector would find them, or with noise of `noise_px`."""
     points = corners_on_board()
     solid = card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down
     pixels = OPTICS.project(solid)
@@ -40,7 +46,7 @@ def seen(card, name, rng=None, noise_px=0.0):
 
 
 def cards():
-    """A board on the table, and held in the middle and in all corners of the picture."""
+    """Cards of a board on the table, and tilted in the middle and in all corners of the picture."""
     table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
     shown = (held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))
@@ -48,7 +54,7 @@ def cards():
 
 
 def places():
-    """Places of the table all over the picture, and their pixels."""
+    """Points of the table that cover the picture, and their pixels."""
     x, y = np.meshgrid(np.linspace(30, 930, 9), np.linspace(30, 510, 5))
     pixels = np.column_stack([x.ravel(), y.ravel()])
     return VIEW.on_plane(pixels), pixels

@@ -1,4 +1,4 @@
-"""Runs the scripts of pages in Chromium, without a network: what the page holds in the end."""
+"""Runs the scripts of pages in Chromium without a network, and returns what the pages contain afterwards."""
 
 import json
 import re
@@ -45,7 +45,7 @@ frame.addEventListener("load", async () => {{
 }});
 </script>
 """
-# Texts that are too small to read, and how much wider than the screen the page is.
+# Script for `played`: returns the texts that are too small to read, and the page's excess width [px].
 LEGIBLE = """
 const small = [], walk = page.createTreeWalker(page.body, view.NodeFilter.SHOW_TEXT);
 for (const fold of page.querySelectorAll("details")) fold.open = true;
@@ -61,7 +61,7 @@ NEEDED = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: ch
 
 
 def page_after(page: str, folder: Path) -> str:
-    """The HTML of a page once its scripts have run."""
+    """The HTML of a page after its scripts have run."""
     file = folder / "page.html"
     file.write_text(page, "utf-8")
     words = [str(CHROMIUM), *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom"]
@@ -71,7 +71,7 @@ def page_after(page: str, folder: Path) -> str:
 
 
 def value_of(expression: str, scripts: list[str], folder: Path) -> object:
-    """What a JavaScript expression comes to after some scripts of the project, as JSON holds it."""
+    """The JSON value of a JavaScript expression, evaluated after some scripts of the project."""
     modules = [(ROOT / name).read_text("utf-8") for name in scripts]
     text = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
     shown = "document.getElementById('result').textContent"
@@ -83,7 +83,10 @@ def value_of(expression: str, scripts: list[str], folder: Path) -> object:
 
 
 def played(page: str, script: str, folder: Path, width: int = 1400) -> Any:
-    """What a script returns that acts on a page so wide: on its document `page` and its window `view`."""
+    """Runs a script on a page that is `width` pixels wide; returns the result of the script.
+
+    In the script, `page` is the document and `view` the window.
+    """
     harness = HARNESS.format(width=width, page=escape(page), script=script)
     after = page_after(harness, folder).rpartition('<pre id="said">')[2].partition("</pre>")[0]
     result = json.loads(unescape(after))

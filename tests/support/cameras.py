@@ -1,4 +1,4 @@
-"""Simulated cameras for tests, small enough to be quick: half a webcam, at half its distance."""
+"""Simulated cameras for tests: for speed, they have half a webcam's resolution and half its distance."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,17 +29,17 @@ RECTANGLE = np.array([(-15.0, -10.5), (15.0, -10.5), (15.0, 10.5), (-15.0, 10.5)
 
 
 def camera(*, below: bool = True) -> Optics:
-    """A camera 300 mm from the table, looking at it not quite straight."""
+    """A camera 300 mm below or above the table, slightly tilted."""
     return webcam((5.0, -7.0, -300.0 if below else 300.0), (2.0, -3.0), 5.0, SIZE)
 
 
 def rig(optics: Optics, **flaws: object) -> Rig:
-    """The camera with its reference tags and the part's."""
+    """The camera with its reference tags and the tag of the part."""
     return Rig(optics, Flaws(**flaws), NUMBER, SIDE_MM, (2.0, -1.0, 0.3), REFERENCES)
 
 
 class Shown:
-    """A source whose pictures a function takes; one that fails where it gives None."""
+    """A source of pictures that a function takes; fails like an absent camera if it returns None."""
 
     def __init__(self, take: Callable[[], Picture | None]) -> None:
         self._take = take
@@ -56,21 +56,21 @@ class Shown:
 
 
 def stain(pose: tuple[float, float, float], size_mm: tuple[float, float]) -> Card:
-    """Something dark that lies before the camera under the table: its middle and its size along x and y."""
+    """A dark rectangle at a pose on the table, seen by the camera below it; `size_mm` is along x and y."""
     columns, rows = (round(5.0 * size) for size in size_mm)
     card = lying(np.zeros((rows, columns), np.uint8), 0.2, pose, face_down=True, margin_mm=0.0)
     return replace(card, tones=(0.25, 1.0))
 
 
 def true_view(optics: Optics) -> View:
-    """What a perfect calibration would find."""
+    """The view that a perfect calibration would result in."""
     focal = (optics.focal, optics.focal)
     lens = Lens(optics.width, optics.height, focal, optics.centre, optics.distortion)
     return View(lens, optics.rotation, -optics.rotation @ optics.eye_mm)
 
 
 def true_calibration(optics: Optics, references: bool = True) -> CameraCalibration:
-    """A perfect calibration that trusts itself to 0.02 mm."""
+    """A perfect calibration that states an error of 0.02 mm."""
     stuck = REFERENCES if references else ()
     places = tuple(Reference(number, x, y) for number, (x, y, _) in stuck)
     axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
@@ -79,7 +79,7 @@ def true_calibration(optics: Optics, references: bool = True) -> CameraCalibrati
 
 
 def keep_standard(folder: Path) -> None:
-    """Write camera.json and tag.json of a simulated cell's own camera and tag."""
+    """Writes camera.json and tag.json of the camera and the tag of a simulated cell."""
     rig = standard_rig()
     places = tuple(Reference(number, x, y) for number, (x, y, _) in rig.references)
     save(replace(true_calibration(rig.optics), references=places), folder / "camera.json")
@@ -87,11 +87,11 @@ def keep_standard(folder: Path) -> None:
 
 
 def part_tag(**values: object) -> PartTag:
-    """The tag as `rig` glues it on."""
+    """The tag of the part as `rig` places it, or with other values."""
     usual = {"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
     return PartTag(**{**usual, **values})
 
 
 def angle_between(a: float, b: float) -> float:
-    """The angle from b to a, within half a turn."""
+    """The angle from b to a, in [-pi, pi) rad."""
     return float(np.remainder(a - b + np.pi, 2.0 * np.pi) - np.pi)

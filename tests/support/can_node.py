@@ -1,6 +1,6 @@
-"""The simulated gripper as a CANopen node: the inferred map of `drivers.robotiq.canopen`, and no more.
+"""The simulated gripper as a CANopen node with the two objects that `drivers.robotiq.canopen` uses.
 
-A node that is asked for an object it does not have aborts, as CiA 301 has it; only the two objects exist.
+It aborts a request for any other object, as CiA 301 demands.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,9 @@ class CanNode:
     """A node on a bus.
 
     Args:
-        device: the gripper.
-        now: simulated seconds.
-        where: bus, node and objects.
+        device: the simulated gripper.
+        now: returns simulated seconds.
+        where: bus, number of the node and indices of the objects.
     """
 
     def __init__(self, device: GripperModel, now: Callable[[], float], where: CanMap) -> None:
@@ -35,7 +35,7 @@ class CanNode:
         self._network.add_node(self._node)
 
     def close(self) -> None:
-        """Leave it."""
+        """Leaves the bus."""
         self._network.disconnect()
 
     def _read(self, *, index: int, subindex: int, od: objectdictionary.ODVariable) -> int | None:
@@ -56,7 +56,7 @@ class CanNode:
 
 
 def dictionary(where: CanMap) -> canopen.ObjectDictionary:
-    """The two objects of the map, each byte an unsigned 8."""
+    """The two objects of the map, with a subindex (unsigned 8) for each byte."""
     result = canopen.ObjectDictionary()
     for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
         record = objectdictionary.ODRecord(name, index)

@@ -1,4 +1,4 @@
-"""The parsers of all commands, each with those of its subcommands."""
+"""The argument parsers of all commands and of their subcommands."""
 
 import argparse
 from importlib import import_module
@@ -21,7 +21,7 @@ APART = {
 
 
 def parsers() -> dict[str, argparse.ArgumentParser]:
-    """The parser of each installed program, by its name."""
+    """The parser of each installed program, by the name of the program."""
     result = {squeezetree.NAME: squeezetree.parser()}
     for name in MODULES:
         parser = import_module(name).parser()
@@ -33,7 +33,7 @@ def parsers() -> dict[str, argparse.ArgumentParser]:
 
 
 def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The parsers of a command's subcommands, by their words."""
+    """The parsers of a command's subcommands, by the name of the subcommand."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             return action.choices

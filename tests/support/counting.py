@@ -1,4 +1,4 @@
-"""A 2F-85 by its counts, 3 open and 230 closed, for tests that are told in counts."""
+"""Converts between widths and counts of a 2F-85 (3 open, 230 closed), for tests in counts."""
 
 import numpy as np
 
@@ -14,27 +14,27 @@ SETTINGS = Counts(PROFILE)  # counts of positions, speeds and forces
 
 
 def width_um(count: int) -> int:
-    """The width at a count, of which those beyond the ends read as the ends."""
+    """The width at a count [um]; counts beyond an end of the travel have the width of that end."""
     return min(max(PROFILE.counted_um(count), 0), PROFILE.stroke_um)
 
 
 def count_of(width: int) -> int:
-    """The count whose width is nearest."""
+    """The count whose width is nearest to a width [um]."""
     return PROFILE.counts[1] - PROFILE.step(width)
 
 
 def decide(decided: DecisionMap, count: int, felt: bool) -> int:
-    """What a count means."""
+    """The branch of a count and object flag, or `REJECT`."""
     return look_up(decided, width_um(count), felt)
 
 
 def by_count(decided: DecisionMap) -> tuple[int, ...]:
-    """What each count means, with the flag that it needs."""
+    """The branch of each count, by the map for readings with either object flag."""
     return tuple(decided.either.at(width_um(count)) for count in range(COUNTS))
 
 
 def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> GripperState:
-    """A reading of one."""
+    """A state of the gripper, given in counts."""
     text = fault_text(fault).partition(";")[0] if fault else ""
     target = SETTINGS.target_um(echo)
     said = f"0x{fault:02X}, {text}" if fault else ""
@@ -43,7 +43,7 @@ def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> Gripp
 
 
 def label_of(clusters, readings):
-    """The number of the cluster (n,) of `Partition` that each reading lies in, -1 for none."""
+    """The number (n,) of the cluster of a `Partition` in which each reading (n,) lies; -1 if in none."""
     readings = np.asarray(readings)[:, None]
     inside = (clusters.low <= readings) & (readings <= clusters.high)
     return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)

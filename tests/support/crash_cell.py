@@ -1,8 +1,8 @@
-"""A cell in memory whose controlling process can be killed between any two frames or journal writes.
+"""A cell in memory whose controlling process can be killed before or after any frame or journal write.
 
-The gripper is the simulated one behind the real driver, register block by register block; the arm obeys whole
-motions, as its controller does: a motion that was sent is carried out, whoever is left to hear of it. The
-world knows where the part lies, and keeps a list of what must never happen to it.
+The real driver exchanges register blocks with the simulated gripper. The arm executes whole motions, as its
+controller does: also after the process that sent the motion was killed. The world knows where the part lies,
+and lists everything that must never happen to the part.
 """
 
 import hashlib
@@ -36,11 +36,11 @@ FREE_MM = 1.5
 
 
 class KilledError(BaseException):
-    """The process is gone: nothing it would do on the way out happens."""
+    """The process was killed. It is a BaseException, so that no handler of the process runs."""
 
 
 class Life:
-    """The moments of one process; the one with number `last` is its last."""
+    """Counts the moments of one process, and kills it at the moment with number `last`."""
 
     def __init__(self, last: int | None) -> None:
         self.last, self.moment = last, 0
@@ -52,14 +52,14 @@ class Life:
 
     @contextmanager
     def moments(self) -> Iterator[None]:
-        """One before something happens, and one after it."""
+        """Lets a moment pass before the body of the `with`, and one after it."""
         self.moment_passes()
         yield
         self.moment_passes()
 
 
 class Time(VirtualClock):
-    """Virtual seconds; idling takes as many as it is asked for, a look at a device `LOOK_S`."""
+    """A virtual clock: idling takes the requested time, but ends at the deadline."""
 
     def idle(self, seconds: float, until: float) -> None:
         self.sleep(min(seconds, until - self.now()))
@@ -69,10 +69,10 @@ class Time(VirtualClock):
 
 
 class World:
-    """Part, gripper and controller: all that outlives a process.
+    """Part, gripper and arm controller: everything that survives the death of the process.
 
-    The part belongs to one path through the table. It gives the path's width where it lies as the path has
-    it, and a width of no outcome anywhere else.
+    The part follows one path through the table. While it lies where the path expects it, squeezes read the
+    widths of the path; else they read a width that no branch has. `wrongs` lists what must never happen.
     """
 
     def __init__(self, table: Table, path: list[tuple[int, int]]) -> None:
@@ -90,9 +90,9 @@ class World:
         self.model = GripperModel(random.Random(1), self, table.gripper.profile)
         self.model.write_output(0, bytes([1, 0, 0, 0, 0, 0]), 0.0)
         self.time.advance(20.0)
-        self.model.advance(self.time.now())  # activated since
+        self.model.advance(self.time.now())  # the gripper is active now
 
-    # what the fingers meet
+    # Called by the simulated gripper.
 
     def closing(self) -> float | None:
         if self.at_mm[2] > REACH_MM:
@@ -108,14 +108,14 @@ class World:
         self._grip_mm = self.model.opening_mm(self.time.now())
 
     def released(self) -> None:
-        """The fingers let go; `let_go` looks for itself."""
+        """Does nothing: `_let_go` reads the opening itself."""
 
     def _let_go(self) -> None:
         opening_mm = self.model.opening_mm(self.time.now())
         if self._grip_mm is not None and opening_mm > self._grip_mm + FREE_MM:
             self._grip_mm = None
 
-    # the arm
+    # Called by the arm.
 
     def move(self, target: tuple[float, float, float, float]) -> None:
         self._let_go()
@@ -144,7 +144,7 @@ class World:
         return hypot(x_mm - self._lies_mm[0], y_mm - self._lies_mm[1]) <= NEAR_MM
 
     def _expected(self, index: int) -> tuple[float, float]:
-        """Where the part lies before step `index`: where the drags of the steps before have put it."""
+        """The place of the part before step `index` of the path [mm], after the drags of earlier steps."""
         place = (0.0, 0.0)
         for number, _ in self.path[:index]:
             node = self.table.nodes[number]
@@ -156,13 +156,13 @@ class World:
 
 
 def _near(at_mm: tuple[float, ...], place: Pose2) -> bool:
-    """Whether the hand stands at a place, whatever its height."""
+    """Whether the hand stands at a place, at any height."""
     near = hypot(place[0] - at_mm[0], place[1] - at_mm[1]) <= NEAR_MM
     return near and abs(remainder(place[2] - at_mm[3], tau)) <= NEAR_RAD
 
 
 class CountedLink:
-    """The gripper's register blocks; a moment before and one after each frame."""
+    """A link to the gripper's register blocks; a moment passes before and after each frame."""
 
     endpoint = "memory"
 
@@ -184,7 +184,7 @@ class CountedLink:
 
 
 class CountedArm:
-    """The arm; a moment before and one after each command."""
+    """The arm's driver; a moment passes before and after each command."""
 
     def __init__(self, world: World, life: Life) -> None:
         self._world, self._life = world, life
@@ -211,7 +211,7 @@ class CountedArm:
 
 
 class CountedJournal(Journal):
-    """A journal; a moment before, one in the middle of, and one after each write."""
+    """A journal; a moment passes before, in the middle of, and after each write."""
 
     def __init__(self, path: Path, world: World, life: Life) -> None:
         self._life = life
@@ -222,7 +222,7 @@ class CountedJournal(Journal):
             super().record(kind, fields)
 
     def _take_back(self) -> None:
-        """A process that is gone takes nothing back."""
+        """Does nothing: a killed process cannot remove a record that it has begun to write."""
 
     def _torn(self, file: int, data: bytes) -> None:
         os.write(file, data[: len(data) // 2])
@@ -231,10 +231,13 @@ class CountedJournal(Journal):
 
 
 def process(world: World, path: Path, options: RunOptions, *, last=None, after_crash="resume"):
-    """One life of the controlling process, as `runtime.cli` wires it; what came of it, and its moments.
+    """Runs the controlling process once, wired as in `runtime.cli`.
+
+    Returns:
+        The tally of the run, and the number of moments that passed.
 
     Raises:
-        KilledError: it was killed at moment `last`.
+        KilledError: the process was killed at moment `last`.
     """
     life = Life(last)
     data = dumps(world.table)
@@ -250,5 +253,5 @@ def process(world: World, path: Path, options: RunOptions, *, last=None, after_c
 
 
 def restart_takes_a_while(world: World) -> None:
-    """Between two processes motions go on and end."""
+    """Lets the time between two processes pass, in which motions end."""
     world.time.sleep(RESTART_S)

@@ -15,11 +15,11 @@ from drivers.sim.wire.line import Line
 from drivers.sim.wire.rtu import RtuSlave
 from runtime.table import profile_of
 
-LONG = 10_000  # events
+LONG = 10_000  # requests, more than any test sends
 
 
 class VirtualDh(Surroundings):
-    """One gripper, what it meets, and what goes wrong on its line."""
+    """A gripper with a part or nothing between its fingers, and with faults on its line."""
 
     def __init__(self, *, contact_mm: float | None = None, seed: int = 1) -> None:
         self.contact_mm = contact_mm
@@ -37,7 +37,7 @@ class VirtualDh(Surroundings):
         return self.contact_mm
 
     def connect(self) -> Gripper:
-        """The driver."""
+        """Returns the gripper's driver."""
         pace = Pace(self.clock)
 
         def report(kind, fields):
@@ -46,17 +46,17 @@ class VirtualDh(Surroundings):
         return Gripper(RtuLink(self.port.open(), pace, report, dh.UNIT), pace, report, self.profile)
 
     def ready(self) -> Gripper:
-        """The driver of an initialised gripper."""
+        """Returns the driver after it has initialised the gripper."""
         gripper = self.connect()
         gripper.activate()
         return gripper
 
     def fault(self, kind: str, *, length: int = LONG, value: float = 0.0) -> None:
-        """Something is wrong with so many requests from now on."""
+        """Injects a fault into the next `length` requests."""
         self.desk._schedule = Listed([Fault(kind, at=0, length=length, value=value)])
         self.desk.begin(0)
 
 
 def close(gripper: Gripper, speed_mm_s: float = 100.0) -> None:
-    """Ask the fingers to close."""
+    """Commands the fingers to close."""
     gripper.move(0, speed_mm_s, 45.0)

@@ -1,4 +1,4 @@
-"""The gripper driver on a simulated gripper without wires, on a virtual clock."""
+"""The Robotiq driver with a link that calls the simulated gripper directly, on a virtual clock."""
 
 import random
 from typing import NamedTuple
@@ -27,7 +27,10 @@ class VirtualClock:
 
 
 class DirectLink:
-    """A model without wires; each transaction takes 6 ms. `on_write` may interfere."""
+    """A link to a simulated gripper in memory; each transaction takes 6 ms.
+
+    A test may set `on_write`: it is called with each written block, which is dropped if it returns true.
+    """
 
     endpoint = "virtual"
 
@@ -76,7 +79,7 @@ class Answer(NamedTuple):
 
 
 class Counted:
-    """A driver that is told and read in counts: those that its registers hold."""
+    """Wraps the driver for tests in counts: commands and readings are those of the gripper's registers."""
 
     def __init__(self, gripper):
         self.driver = gripper
@@ -107,7 +110,7 @@ def connect(link):
 
 
 def reset(**options):
-    """A link to a gripper that was never activated, and its driver."""
+    """Returns a link to a gripper that was never activated, and the gripper's driver."""
     link = DirectLink(**options)
     return link, connect(link)
 

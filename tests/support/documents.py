@@ -1,4 +1,4 @@
-"""The command blocks of the documentation, and the project's commands as programs to run them with."""
+"""Reads command blocks and tables of the documentation, and runs these commands."""
 
 import re
 import sys
@@ -21,14 +21,14 @@ MARK = "==== next block ===="
 
 
 class Block(NamedTuple):
-    """What a block tells to type, line by line, and what it says is printed."""
+    """The commands of a block and the output that it shows, line by line."""
 
     commands: list[str]
     printed: list[str]
 
 
 def blocks(page: Path) -> list[Block]:
-    """The command blocks of a page, in their order; one of bash or sh is commands only."""
+    """The command blocks of a page, in order; blocks of bash or sh contain commands only."""
     results = []
     for match in BLOCK.finditer(page.read_text()):
         text = textwrap.dedent(match[3])
@@ -42,21 +42,24 @@ def blocks(page: Path) -> list[Block]:
 
 
 def section(page: str, title: str) -> str:
-    """The section of a page below a heading of the second level."""
+    """The text of a page below a heading of the second level, up to the next such heading."""
     _, heading, rest = page.partition(f"## {title}\n")
     assert heading, f"there is no section {title}"
     return rest.partition("\n## ")[0]
 
 
 def rows(text: str, first: str = "") -> list[list[str]]:
-    """The cells of the one table whose head begins with a word, without that head."""
+    """The cells of the only table whose head begins with `first`, without the head."""
     head = rf"^\| {re.escape(first)}.*\n\| ---.*\n"
     (table,) = re.findall(rf"{head}((?:\|.*\n?)+)", text, re.MULTILINE)
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
 
 
 def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
-    """The project's commands as programs in a folder, installed or not; of some, statements to run before."""
+    """Writes the project's commands as programs into a new folder, which it returns.
+
+    `before` has statements that some of the commands execute first, by the name of the command.
+    """
     folder.mkdir()
     for name, target in COMMANDS.items():
         module, _, function = target.partition(":")
@@ -68,7 +71,7 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
 
 
 def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
-    """Runs blocks in one shell, in a folder; what each printed, in lines."""
+    """Runs blocks in one shell in a folder; returns the lines that each printed, and an empty rest."""
     script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
     words = ("bash", "-euo", "pipefail", "-c", f"exec 2>&1\n{script}")
     code, out, _ = ended(words, cwd=work, env=environment, timeout=280)
@@ -77,7 +80,7 @@ def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[li
 
 
 def matches(shown: list[str], printed: list[str]) -> bool:
-    """Whether lines are printed in this order; "..." stands for any lines, or for any part of one."""
+    """Asserts that the shown lines are printed in this order; "..." stands for any lines, or any text."""
     rest = iter(printed)
     for line in shown:
         if line == "...":
@@ -88,7 +91,7 @@ def matches(shown: list[str], printed: list[str]) -> bool:
 
 
 def changed(block, changes):
-    """A block with other words in its commands."""
+    """A block with words of its commands replaced, as `changes` says."""
     lines = block.commands
     for old, new in changes.items():
         lines = [line.replace(old, new) for line in lines]
@@ -96,6 +99,6 @@ def changed(block, changes):
 
 
 def stated(job, **values):
-    """The command that states values in a job file, whether it has them as comments or not."""
+    """The command that sets values in a job file, also where the file has them as comments."""
     edits = [f"s/^\\(# \\)\\?{key} = .*/{key} = {value}/" for key, value in values.items()]
     return f"sed -i '{'; '.join(edits)}' {job}"

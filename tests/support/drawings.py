@@ -1,4 +1,4 @@
-"""Drawings for tests of the importers, and what becomes of them."""
+"""Writes drawings for tests of the importers, and reads them."""
 
 import ezdxf
 import numpy as np
@@ -17,7 +17,7 @@ MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
 
 
 def dxf(folder, draw, units=4):
-    """A file in which `draw(model_space, document)` has drawn."""
+    """Writes a DXF file with the drawing that `draw(model_space, document)` makes; returns its path."""
     document = ezdxf.new("R2010")
     document.units = units
     draw(document.modelspace(), document)
@@ -27,7 +27,7 @@ def dxf(folder, draw, units=4):
 
 
 def svg(folder, body, size=MM, before=""):
-    """An SVG file of this content and page."""
+    """Writes an SVG file with a body, a page size and a text before the root; returns its path."""
     path = folder / "part.svg"
     path.write_text(f"{before}<svg {SVG} {size}>{body}</svg>")
     return path
@@ -38,7 +38,7 @@ def read(path, **options):
 
 
 def refused(path, match=None, error=InputError, **options):
-    """The error of one line about a file that is not read."""
+    """Asserts that a file is refused by an error of one line; returns the error."""
     with refused_in_a_line(error, match) as caught:
         read(path, **options)
     return caught.value
@@ -53,14 +53,14 @@ def notes(part):
 
 
 def lines(space, corners=PLATE, layer="0", close=True):
-    """Each edge as a LINE."""
+    """Draws each edge of a polygon as a LINE; without `close`, the last edge is missing."""
     for k in range(len(corners) - (not close)):
         ends = corners[k], corners[(k + 1) % len(corners)]
         space.add_line(*ends, dxfattribs={"layer": layer})
 
 
 def box(space, low, high, **attributes):
-    """A closed polyline."""
+    """Draws a rectangle as a closed polyline."""
     (x0, y0), (x1, y1) = low, high
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     return space.add_lwpolyline(corners, close=True, dxfattribs=attributes)

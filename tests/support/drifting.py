@@ -1,4 +1,4 @@
-"""Parts of a cell in the contact world, healthy or drifting, as their journals would tell of them."""
+"""Simulates parts of a healthy or drifting cell in the contact world, as journals would record them."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -19,16 +19,16 @@ from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.spc.history import Part, Squeezed
 from runtime.table import REJECT, Table, predicted_pose
 
-SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad
+SEEN_SIGMA = (0.05, 0.05, 0.002)  # standard deviations of the camera's poses: mm, mm, rad
 
 
 class Drift(NamedTuple):
-    """What is wrong with a cell.
+    """The drift of a cell.
 
     Attributes:
-        friction: between finger and part, None: as planned.
+        friction: bounds of the friction between finger and part; None: as planned.
         width_mm: added to every width.
-        seen_off: added to every measured pose: mm, mm, rad.
+        seen_off: added to every pose that the camera measures: mm, mm, rad.
     """
 
     friction: tuple[float, float] | None = None
@@ -40,7 +40,7 @@ HEALTHY = Drift()
 
 
 def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALTHY) -> Evaluation:
-    """So many parts squeezed as the table says."""
+    """Runs the table on `count` parts in the drifting cell."""
     world_job = job
     if drift.friction is not None:
         low, high = drift.friction
@@ -51,7 +51,7 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
 
 
 def parts(table: Table, result: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
-    """Parts as journals tell of them, each audited."""
+    """Yields the parts of an evaluation as journals record them, each with an audit."""
     encoder = encoder_of_table(table)
     noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, result.poses.shape)
     seen = result.poses + noise + drift.seen_off

@@ -1,4 +1,4 @@
-"""Exported tables: what the runtime says follows a reading, and the C executor, compiled and run."""
+"""Checks exported tables in C and structured text against the decisions of the runtime."""
 
 import csv
 import shutil
@@ -37,7 +37,10 @@ Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 
 
 def wide_table() -> Table:
-    """One squeeze with as many outcomes as a node may have; the first holds nothing that could be dragged."""
+    """A table of one squeeze with as many branches as a node may have, and a release after a drag.
+
+    The first branch has width 0: the jaws hold no part that they could drag.
+    """
     table = small_table()
     lows = [2_500 * k for k in range(MAX_BRANCHES)]
     branches = tuple(
@@ -48,14 +51,14 @@ def wide_table() -> Table:
 
 
 class Oracle:
-    """What a run of the default policy does after a reading, by the runtime's own code."""
+    """Computes what a run with the default policy does after a reading, by the runtime's own code."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
         self._maps = [decision_map(node, table.gripper) for node in table.nodes]
 
     def answer(self, index: int, width_um: int, flag: int) -> Answer:
-        """What follows a width and object flag at a node."""
+        """The answer that follows a width and object flag at the node of an index; `FAULT` if they fault."""
         if not 0 <= index < len(self._maps):
             return FAULT
         node = self._table.nodes[index]
@@ -71,16 +74,16 @@ class Oracle:
 
 
 def rows_of(path: Path) -> list[tuple[int, ...]]:
-    """The vectors of a folder as integers."""
+    """The test vectors of an export folder, as integers."""
     with (path / VECTORS).open() as file:
         return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
 
 
 def check_structured_text(block: FunctionBlock, table: Table, rows: Iterable[tuple]) -> None:
-    """Call the block with every row, and compare all its outputs.
+    """Calls the block with every row, and compares all outputs.
 
     Raises:
-        AssertionError: an output is another than the row or the table says.
+        AssertionError: an output differs from the row or from the table.
     """
     names = block.names[OUTPUT]
     hand, part = names.index("hand_x_um"), names.index("part_x_um")
@@ -107,14 +110,14 @@ def compilers() -> list[str]:
 
 
 def built(compiler: str, folder: Path, *flags: str) -> Path:
-    """The harness with the header of a folder, compiled; the program."""
+    """Compiles the harness with the header of an export folder; returns the program."""
     program = folder / f"harness-{compiler}"
     said("-I", folder, HARNESS, *flags, "-o", program, program=compiler)
     return program
 
 
 def executor(compiler: str, folder: Path) -> Path:
-    """The executor alone as an object file, for size and without any library."""
+    """Compiles the executor alone, for size and without any library; returns the object file."""
     source = folder / "executor.c"
     source.write_text(OBJECT)
     path = folder / f"executor-{compiler}.o"
@@ -123,13 +126,13 @@ def executor(compiler: str, folder: Path) -> Path:
 
 
 def code_bytes(compiled: Path) -> int:
-    """The size of an object file's code, without its data."""
+    """The size of the code of an object file, without its data [bytes]."""
     rows = [line.split() for line in said("-A", compiled, program="size").splitlines()]
     return sum(int(row[1]) for row in rows if row and row[0].startswith(".text"))
 
 
 def said(*words: object, program: str | Path) -> str:
-    """What a program prints; it must end with 0 and without a word on standard error."""
+    """Runs a program and returns its standard output; asserts exit code 0 and an empty standard error."""
     code, out, err = ended([program, *words], timeout=280)
     assert (code, err) == (0, ""), f"{program} ended with {code}: {err}"
     return out

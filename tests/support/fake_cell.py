@@ -1,4 +1,4 @@
-"""A cell in memory for the executor's tests: logs every call, obeys a script of counts, fails on demand."""
+"""A cell in memory for tests of the executor: logs every call, reads scripted counts, fails on demand."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ from runtime.execution.executor import Cell
 
 
 class Deaf(Console):
-    """A console that listens to nothing."""
+    """A console that ignores all events."""
 
 
 class State(NamedTuple):
@@ -29,7 +29,7 @@ class State(NamedTuple):
 
     @property
     def reading(self) -> GripperState:
-        """As the port tells it."""
+        """The state as a driver reports it."""
         known = {"active": self.activated, "moving": self.moving, "fault": self.fault}
         return state(self.position_counts, self.object_flag, self.echo_counts, **known)
 
@@ -60,17 +60,20 @@ class Log:
 
 
 class FakeGripper:
-    """Closes to the next count of its script, with contact; opens as asked. Moves are logged in counts."""
+    """A gripper that closes to the next count and object flag of its script, and opens as commanded.
+
+    Moves are logged in counts.
+    """
 
     profile = PROFILE
 
     def __init__(self, log: Log, counts: Iterator[tuple[int, int]]) -> None:
         self.log, self.counts = log, counts
         self.now = State()
-        self.gripping = False  # closing on what is held already finds it where it was
+        self.gripping = False  # a second closing without an opening stops at the same count
         self.current_ma = 300
-        self.opened_to = 0  # extra counts by which an opening falls short
-        self.echo_off = 0  # by how much the settled echo differs from the request
+        self.opened_to = 0  # counts by which an opening falls short of the command
+        self.echo_off = 0  # counts by which the settled echo differs from the command
 
     def state(self) -> GripperState:
         self.log.call("gripper", "state")
@@ -107,13 +110,13 @@ class FakeGripper:
 
 
 class FakeArm:
-    """Stands where it was sent, plus an offset."""
+    """An arm that stands where it was sent, plus an offset."""
 
     def __init__(self, log: Log) -> None:
         self.log = log
         self.at = (5.0, 5.0, 30.0, 0.1)
         self.off_mm = 0.0
-        self.radii_mm: list[float] = []  # of the turns that were asked for
+        self.radii_mm: list[float] = []  # turn radius of each motion
         self.turns = (-math.inf, math.inf)
         self.obstacles = lambda start, target: ""
 
@@ -140,7 +143,7 @@ class FakeArm:
 
 
 class FakeJournal:
-    """Keeps its records; the record with number `fail_at` raises `error`, and so does every later one."""
+    """A journal in memory; the record with number `fail_at` raises `error`, and so does every later one."""
 
     def __init__(self, fail_at: int = -1, error: Exception | None = None) -> None:
         self.kept: list[tuple[str, dict[str, object]]] = []
@@ -156,7 +159,7 @@ class FakeJournal:
 
 
 class FakeClock:
-    """Stands still unless a test lets it jump at each look."""
+    """A clock that advances by `step_s` at each reading, and by the time of each sleep."""
 
     time = step_s = 0.0
 
@@ -175,7 +178,7 @@ class FakeClock:
 
 
 class FakeScene:
-    """Counts parts; knows the truth it was given."""
+    """A scene that counts parts and always reports the truth that it was given."""
 
     def __init__(self, truth: object) -> None:
         self.parts, self.known = 0, truth
@@ -192,7 +195,7 @@ class FakeScene:
 
 
 class FakeCell(NamedTuple):
-    """The fakes by their own types, and the cell made of them."""
+    """The fakes and the cell that consists of them."""
 
     log: Log
     gripper: FakeGripper
@@ -204,7 +207,7 @@ class FakeCell(NamedTuple):
 def fake_cell(
     counts: list[tuple[int, int]], log: Log | None = None, journal: FakeJournal | None = None
 ) -> FakeCell:
-    """A cell whose closings stop at the given (count, object flag), one after the other."""
+    """A fake cell whose successive closings stop at the given (count, object flag)."""
     log, journal = log or Log(), journal or FakeJournal()
     gripper, arm = FakeGripper(log, iter(counts)), FakeArm(log)
     return FakeCell(log, gripper, arm, journal, Cell(gripper, arm, FakeClock(), journal))

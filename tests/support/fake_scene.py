@@ -1,4 +1,4 @@
-"""What a simulated cell starts from when neither table nor job matters: a 21 mm part, squeezed anywhere."""
+"""Settings of simulated cells for tests in which neither table nor job matters: any squeeze reads 21 mm."""
 
 import math
 from dataclasses import replace
@@ -28,11 +28,11 @@ class FakeWorld:
 
 
 def setting(world=None):
-    """A setting with that world."""
+    """A setting with a world; by default a `FakeWorld`."""
     return Setting(None, GEOMETRY, "fake", lambda job, seed: world or FakeWorld())
 
 
-# Worlds as `--world` names them.
+# Factories of worlds, which tests name with `--world`.
 
 
 def make(job, seed):
@@ -44,7 +44,7 @@ def broken(job, seed):
 
 
 class Stumbling:
-    """Works once, to warm up; the next one fails."""
+    """A world whose first instance works, for the warm-up; squeezes of all later instances fail."""
 
     instances = 0
 

@@ -1,8 +1,9 @@
-"""Any bytes on the gripper's line, towards the simulated slave and towards the driver's masters.
+"""Feeds arbitrary bytes to the gripper's line: to the simulated slave, or to the driver's masters.
 
-`case` takes bytes as a fuzzer invents them: the first says who listens, the next ones how the rest is cut
-into pieces. What is answered or believed must be in the bytes as a whole, sound frame, found here by looking
-at every position; nothing else may happen but silence and the link's own errors.
+`case` takes bytes from a fuzzer: the first byte chooses the receiver, the second the size of the pieces into
+which the rest is cut. The receiver may answer or accept only what a sound frame in the bytes says; this
+module finds the sound frames by looking at every position. Otherwise the receiver must stay silent, or raise
+an error of the link.
 """
 
 import contextlib
@@ -31,12 +32,12 @@ SPOKEN = [(listener, frame) for listener, frames in enumerate(SAID) for frame in
 CORPUS = tuple(bytes((listener, 0)) + frame for listener, frame in SPOKEN)
 MAX_PIECES = 64
 CLOCK = VirtualClock()
-# As the driver does when it opens a port.
+# The driver does the same when it opens a port.
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)
 
 
 class FedStream:
-    """A line that says what it is fed, then nothing."""
+    """A stream that receives the given pieces, then nothing."""
 
     endpoint = "fed"
 
@@ -55,10 +56,10 @@ class FedStream:
 
 
 def case(data: bytes) -> None:
-    """Run one case.
+    """Runs one case.
 
     Raises:
-        AssertionError: something was answered or believed that no sound frame said.
+        AssertionError: the receiver answered or accepted something that no sound frame says.
     """
     if len(data) < 2:
         return
@@ -67,7 +68,7 @@ def case(data: bytes) -> None:
 
 
 def towards_slave(pieces: list[bytes]) -> None:
-    """Feed the simulated gripper; afterwards, and after a pause, it still listens."""
+    """Feeds the simulated gripper, and checks its answers; after a pause it must answer a sound request."""
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
     replies = [reply for piece in pieces for reply, *_ in slave.feed(piece)]
@@ -83,14 +84,14 @@ def towards_slave(pieces: list[bytes]) -> None:
 
 
 def towards_rtu_master(pieces: list[bytes]) -> None:
-    """Let the driver read and write over RTU while the line says anything."""
+    """Lets the driver read and write over RTU while it receives the pieces; checks what it accepts."""
     said = b"".join(pieces)
     blocks = {frame[3:9] for frame in _frames(said, _reply_length) if frame[1:3] == b"\x03\x06"}
     _believes(_link(pieces, RtuFraming(), RTU), blocks)
 
 
 def towards_tcp_master(pieces: list[bytes]) -> None:
-    """Let the driver read and write over Modbus TCP while the line says anything."""
+    """Lets the driver read and write over Modbus TCP while it receives the pieces; checks what it accepts."""
     said = b"".join(pieces)
     ends = range(len(said) - len(TCP_REPLY) + 1)
     replies = [said[at : at + len(TCP_REPLY)] for at in ends]
@@ -111,7 +112,7 @@ def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
 
 
 def _cut(data: bytes, size: int) -> list[bytes]:
-    """The bytes in pieces as a port may deliver them; size 0: all at once."""
+    """Cuts bytes into pieces as a port may deliver them; size 0: a single piece, if it is not too long."""
     step = max(size % 32 or len(data), -(-len(data) // MAX_PIECES), 1)
     return [data[at : at + step] for at in range(0, len(data), step)]
 
@@ -121,7 +122,7 @@ def _reply_length(head: bytes) -> int | None:
 
 
 def _frames(data: bytes, length_of) -> list[bytes]:
-    """Every piece of some bytes that is a frame to or from slave 9 with the right CRC."""
+    """All frames within the bytes that are to or from slave 9 and have the right CRC."""
     results = []
     for at in range(len(data)):
         length = length_of(data[at:]) if data[at] == RTU.unit else 0

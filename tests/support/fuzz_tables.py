@@ -1,8 +1,8 @@
-"""Mutated tables, one for each number: what `tools/hostile tables` and its slice in the tests run.
+"""Reads mutated tables, one for each number; `tools/hostile tables` runs many, the tests some.
 
-A mutant is damaged in one of three depths: the bytes of a file; the payload, with a digest that fits again;
-the values of its sections, packed again, so that only the validation stands between them and a cell.
-Every mutant must be refused by a `TableError`, or be exactly the file of another table that may be executed.
+A mutant is damaged at one of three depths: the bytes of the file; the payload, with a digest that fits again;
+or the values of the sections, packed again, so that only the validation can detect the damage. Every mutant
+must be refused by a `TableError`, or be exactly the file of another valid table.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ STRANGE = (None, True, 2**63, 1.5, "", b"", [], [0] * 64, "ü" * 100, b"\xff" * 
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the mutants: verdicts by depth, the slowest one, and those that must not be."""
+    """Results of the mutants: number by depth and verdict, the slowest mutant, and the failures."""
 
     verdicts: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
@@ -45,14 +45,14 @@ class Tally:
 
 @cache
 def seeds() -> tuple[bytes, ...]:
-    """The files that are mutated."""
+    """The sound files that are mutated."""
     drawn = (random_table(1, 8), random_table(2, 12), random_table(3, 40))
     tables = (small_table(), several_table(), every_field_table(), pushing_table(), *drawn)
     return tuple(map(dumps, tables))
 
 
 def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None) -> Tally:
-    """Judge the mutants of some numbers."""
+    """Judges the mutants of these numbers; `report` receives the tally after every 10 000."""
     tally = Tally()
     for number in numbers:
         depth, data = mutant(seed, number)
@@ -74,10 +74,10 @@ def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None
 
 
 def judge(depth: str, data: bytes) -> str:
-    """Read a mutant: "refused", "unchanged" or "another table".
+    """Reads a mutant; returns "refused", "unchanged" or "another table".
 
     Raises:
-        AssertionError: it was accepted, but is not the file of the table it was read as.
+        AssertionError: the mutant was accepted, but is not the file that the table read from it has.
     """
     try:
         table = loads(data)
@@ -91,7 +91,7 @@ def judge(depth: str, data: bytes) -> str:
 
 
 def mutant(seed: int, number: int) -> tuple[str, bytes]:
-    """The depth and the bytes of one mutant."""
+    """The depth of the damage and the bytes of the mutant of a seed and number."""
     random = Random(f"{seed} {number}")
     data = random.choice(seeds())
     depth = random.choices(("file", "payload", "values"), (2, 3, 5))[0]
@@ -162,7 +162,10 @@ def _other_column(column: list[Any], random: Random) -> list[Any]:
 
 @contextmanager
 def _limit(seconds: float) -> Iterator[None]:
-    """Of processor time: on a machine with other work the wall's would say nothing about the reader."""
+    """Raises TimeoutError if the body of the `with` takes more processor time.
+
+    Elapsed time would depend on other work of the machine.
+    """
 
     def expired(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"not refused within {seconds} s")

@@ -1,7 +1,6 @@
-"""Grippers of every make and on every bus, simulated, and something between their fingers.
+"""Simulated grippers of every make and on every bus, which may close on a part.
 
-A new make is one more class here with `open`, `contact`, `commands` and `silence`, and one more name in
-`RIGS`.
+A new make needs a class here with `open`, `put_part`, `commands` and `silence`, and a name in `RIGS`.
 """
 
 import contextlib
@@ -25,7 +24,10 @@ SCALE = 20.0
 
 
 class GripperRig(Surroundings):
-    """A simulated gripper and what is between its fingers; a subclass makes `name`, `site` and a slave."""
+    """A simulated gripper with a part or nothing between its fingers.
+
+    A subclass sets `name` (the address), `site`, `slave` and `contact_um`, the width of the part.
+    """
 
     profile, scale = None, SCALE
     holds = False
@@ -41,7 +43,7 @@ class GripperRig(Surroundings):
         self.holds = True
 
     def silence(self):
-        """From now on nothing is answered."""
+        """Lets the gripper answer nothing from now on."""
         self.slave.feed = lambda data: []
 
     def close(self):
@@ -49,7 +51,7 @@ class GripperRig(Surroundings):
 
 
 class Robotiq(GripperRig):
-    """A simulated 2F gripper on some port."""
+    """A simulated 2F gripper on a port of the bus `bus`."""
 
     contact_um = 20969  # count 174
 
@@ -61,7 +63,7 @@ class Robotiq(GripperRig):
         self.name = self._opened(bus)
 
     def _opened(self, bus: str) -> str:
-        """Opens the port; returns its name for the driver."""
+        """Opens a port of the bus; returns the address for the driver."""
         if bus == "can":
             self.node = CanNode(self.model, self.now, CanMap("contract", "virtual"))
             return "can:contract?interface=virtual"
@@ -125,4 +127,4 @@ class Dh(GripperRig):
         return self.device.writes
 
 
-RIGS |= {"dh-ag95": lambda: Dh(scale=80.0)}  # its slowest closing takes 50 s
+RIGS |= {"dh-ag95": lambda: Dh(scale=80.0)}  # the slowest closing of this gripper takes 50 s

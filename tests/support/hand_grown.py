@@ -1,4 +1,4 @@
-"""Plans made by hand."""
+"""Plans of known structure, built without a search."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ PLACES = np.array([[-12.0, 0.0, 0.0], [0.0, 0.0, 0.0], [12.0, 0.0, 0.0]])
 
 
 def leaf(poses, counts, share, depth):
-    """A node without actions of particles (n, 3) that were read as counts (n,)."""
+    """A node without actions, of particles at poses (n, 3) whose last readings were counts (n,)."""
     return Node(Belief.of(poses, counts), share, Mode(poses[0], 1.0), depth)
 
 
 def squeezed(node, angle, groups):
-    """Gives a node one action, whose children are (poses, counts) in the order of rising width."""
+    """Gives a node one squeeze with a child for each (poses, counts) of `groups`, in order of width."""
     total = sum(len(poses) for poses, _ in groups)
     children = [
         leaf(poses, counts, node.share * len(poses) / total, node.depth + 1)
@@ -29,7 +29,10 @@ def squeezed(node, angle, groups):
 
 
 def grown(silent=0):
-    """Three places told apart by two squeezes, after `silent` squeezes that tell nothing."""
+    """The root of a plan that distinguishes three places by two squeezes.
+
+    Before these, `silent` squeezes read the same width for all places.
+    """
     node = root = leaf(np.repeat(PLACES, 100, axis=0), np.full(300, -1), 1.0, 0)
     for _ in range(silent):
         squeezed(node, 0.3, [(node.belief.poses, np.full(300, 100))])

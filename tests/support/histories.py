@@ -1,4 +1,4 @@
-"""Histories of parts drawn from a table's own predictions, healthy or with something wrong."""
+"""Draws histories of parts from the predictions of a table, for a healthy or a changed cell."""
 
 from collections import Counter
 from dataclasses import replace
@@ -12,12 +12,12 @@ from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Table, decision_map, load
 
-SHIFT_UM = 2000.0  # of widths: more than the 1.1 mm that the job doubts, which its branches bear
-LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches where fewer parts jam
+SHIFT_UM = 2000.0  # shift of widths, beyond the 1.1 mm of the job's doubts that branches include
+LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches if fewer parts jam
 
 
 def table() -> Table:
-    """The rectangle's."""
+    """The table of the rectangle."""
     return load(TREE).table
 
 
@@ -32,16 +32,16 @@ def drawn(
     fail_rate: float | None = None,
     first: int = 0,
 ) -> list[Part]:
-    """Parts that behave as the table says, but for what is named.
+    """Draws parts that behave as the table predicts, apart from the stated changes.
 
     Args:
         tree: the table.
-        count: how many.
-        rng: of everything.
+        count: number of parts.
+        rng: source of randomness.
         width_shift_um: added to each reading.
-        shares: other shares of the branches of some nodes.
-        residual_shift: added to each residual, mm, mm, rad.
-        fail_rate: share of failures, None: as predicted.
+        shares: other shares of branches, by node.
+        residual_shift: added to each residual [mm, mm, rad].
+        fail_rate: share of located parts whose audit fails; None: as predicted.
         first: number of the first part.
     """
     maps = [decision_map(node, tree.gripper).either for node in tree.nodes]
@@ -79,18 +79,18 @@ def drawn(
 
 
 def history(tree: Table, *stretches: list[Part]) -> History:
-    """Stretches of parts one after the other, numbered through."""
+    """The history of several stretches of parts, one after the other, with consecutive numbers."""
     parts = [part for stretch in stretches for part in stretch]
     return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
 
 
 def watch(seen: History, expected: Expectation | None = None) -> list[Alarm]:
-    """All alarms of the charts over a history."""
+    """All alarms of the control charts over a history."""
     return list(Monitor(seen.table, expected).watch(seen))
 
 
 def expectation_document(tree: Table, digest: str, count: int = 4000) -> dict[str, object]:
-    """What `plan-expect` would write of such parts: as planned, and "less", in which fewer jam."""
+    """The document of `plan-expect` for two worlds: "as planned", and "less", in which fewer parts jam."""
     worlds = []
     for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):
         rows = [Counter() for _ in tree.nodes]

@@ -1,8 +1,8 @@
-"""Campaigns of hostile devices: random calls, or each call of a part's run, several runs at once.
+"""Tries hostile devices (`hostile_devices`) at random calls or at each call of a run, in several processes.
 
-Most of a case is waiting for deadlines, so many go at once, each worker process with a cell of its own. A run
-may be late because the machine is loaded: one that is past its deadline, and nothing else, is tried once more
-alone when the others are done, and fails only if it is late again.
+A case mostly waits for deadlines. Therefore many run at once, each worker process with a cell of its own. A
+run may be late because the machine is loaded: a case that is late but otherwise right is tried once more
+alone at the end, and fails only if it is late again.
 """
 
 import contextlib
@@ -19,13 +19,13 @@ from typing import Any
 from hostile_devices import ROWS, Bench, End
 from relays import MODES, Case, Row
 
-NEVER = 1 << 40  # a row that no run comes to
-REPORTED = 100
-TRIES = 3  # until a run comes to the case's call: they differ by some polls
+NEVER = 1 << 40  # number of a row that no run reaches
+REPORTED = 100  # cases after which the summary is printed
+TRIES = 3  # most runs until one reaches the call of the case: runs differ by some polls
 
 
 def cases(count: int, seed: int, first: int = 0) -> Iterator[Case]:
-    """Random cases by their numbers: every device and mode in turn, each at a random call."""
+    """Yields `count` cases: every device and mode in turn, each at a random call."""
     pairs = [(device, mode) for device in ROWS for mode in MODES]
     for number in range(first, first + count):
         device, mode = pairs[number % len(pairs)]
@@ -34,10 +34,10 @@ def cases(count: int, seed: int, first: int = 0) -> Iterator[Case]:
 
 
 def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
-    """Each call of a part's run to each device, in each mode; runs without a fault count them.
+    """Yields a case for each call to each device in the run of a part, and each mode.
 
-    Of the polls of a gripper that moves, the first, the second and the last are taken, or with `polls` all.
-    An arm is asked once a step, so its calls differ even where they ask the same.
+    Runs without a fault count the calls. Of the repeated polls of a gripper only the first, the second and
+    the last are taken, unless `polls`. All calls to an arm are taken, since each belongs to another step.
     """
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
         for device in devices:
@@ -50,7 +50,7 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
 
 
 def _counted(bench: Bench, device: str) -> list[Row]:
-    """The calls that two runs, which end well, both make."""
+    """The rows of calls to a device that two runs without a fault have in common."""
     counted: list[list[Row]] = []
     for _ in range(2 + TRIES):
         end = bench.run(Case(device, "silent", NEVER))
@@ -64,11 +64,11 @@ def _counted(bench: Bench, device: str) -> list[Row]:
 
 
 class Summary:
-    """What the cases so far came to.
+    """Results of the cases so far.
 
     Attributes:
-        failures: a sentence each.
-        loaded: cases that were late among others and in time alone.
+        failures: a sentence for each case that failed.
+        loaded: the cases that were late among others, but in time alone.
     """
 
     def __init__(self) -> None:
@@ -78,18 +78,18 @@ class Summary:
         self._longest: dict[tuple[str, str], float] = {}
 
     def add(self, case: Case, end: End) -> None:
-        """Count a case."""
+        """Adds the end of a case."""
         key, name = case[:2], f"exit {end.code}" if end.reached else "not reached"
         self._ends.setdefault(key, Counter())[name] += 1
         self._longest[key] = max(self._longest.get(key, 0.0), end.took_s)
 
     @property
     def count(self) -> int:
-        """How many cases."""
+        """Number of cases."""
         return sum(ends.total() for ends in self._ends.values())
 
     def line(self) -> str:
-        """All of it in a line."""
+        """The results in a line of text."""
         ends = sum(self._ends.values(), Counter[str]())
         longest: dict[str, float] = {}
         for (_, mode), seconds in self._longest.items():
@@ -98,7 +98,7 @@ class Summary:
         return f"{self.count} cases, {dict(sorted(ends.items()))}; longest: {slowest}"
 
     def result(self) -> dict[str, Any]:
-        """All of it by device and mode, as tests/bench/results keeps it."""
+        """The results by device and mode, as tests/bench/results keeps them."""
         record: dict[str, Any] = {}
         for (device, mode), ends in self._ends.items():
             figures = {"cases": ends.total(), "ends": dict(sorted(ends.items()))}
@@ -108,7 +108,7 @@ class Summary:
 
 
 def campaign(taken: Iterable[tuple[int, Case]], jobs: int) -> Summary:
-    """Try numbered cases, so many at once; what fails is printed, in their order."""
+    """Tries numbered cases, `jobs` at once, and prints those that fail, in order."""
     summary, late = Summary(), []
     numbered = list(taken)
     with tempfile.TemporaryDirectory() as folder:
@@ -141,7 +141,7 @@ def _count(summary: Summary, number: int, case: Case, end: End) -> None:
 
 
 def tried(bench: Bench, case: Case) -> End:
-    """How the run ended that came to the case's call; the last one's where none did."""
+    """Runs a case until a run reaches its call, at most `TRIES` times; returns the end of the last run."""
     for _ in range(TRIES):
         end = bench.run(case)
         if end.reached or end.wrong:
@@ -150,14 +150,14 @@ def tried(bench: Bench, case: Case) -> End:
 
 
 class _Worker:
-    """What a worker process has: a cell of its own, until it ends."""
+    """A worker process with a cell of its own, which is closed when the process ends."""
 
     bench: Bench
 
     @classmethod
     def open(cls, folder: str) -> None:
         cls.bench = Bench(Path(tempfile.mkdtemp(dir=folder)))
-        Finalize(None, cls.bench.close, exitpriority=1)  # a worker process runs no atexit
+        Finalize(None, cls.bench.close, exitpriority=1)  # atexit does not work in a worker process
 
     @classmethod
     def tried(cls, case: Case) -> End:

@@ -1,4 +1,4 @@
-"""What is done to sound files to make them almost right: text, bytes, values of JSON, records of journals."""
+"""Changes sound files so that they are almost right: text, bytes, values of JSON, records of journals."""
 
 import contextlib
 import json
@@ -9,8 +9,8 @@ from run_logs import chained
 
 from runtime.shell import strict_json
 
-LONGEST = 1 << 20  # bytes that a repeated line comes to
-# Numbers and words that a file of text may hold where it should hold something else.
+LONGEST = 1 << 20  # most bytes that the repetitions of a line have
+# Numbers and words that replace others in a text file.
 WORDS = """-1 0 nan inf -inf 1e400 1e308 1e-320 0x10 1_000 true null "" [] {} 1979-05-27 ' " \\
 ../../etc/passwd %s%n =1+1 &a; É"""
 ODD = (*WORDS.split(), "9" * 25, "9" * 5000, "[" * 2000, "{" * 2000, "<!ENTITY a 'a'>", "")
@@ -22,13 +22,13 @@ STRANGE = (None, True, *NUMBERS, *TEXTS, [], {}, [[]], {"a": 1}, [0] * 300)
 
 
 def text(data: bytes, random: Random) -> bytes:
-    """Damage text: numbers and words become others, lines go, come twice or change places."""
+    """Damages text: replaces numbers and words, and removes, repeats or moves lines."""
     for _ in range(random.choice((1, 1, 2, 4))):
         action = random.randrange(10)
         if action < 6:
             numbers = [*re.finditer(rb"-?\d[\d.eE+-]*", data)]
             words = [*re.finditer(rb"\"[^\"\n]*\"|\b[A-Za-z_]+\b", data)]
-            if action < 3:  # still what its grammar wants
+            if action < 3:  # a number in place of a number
                 result, put = numbers, random.choice((*MILD, *(hit[0] for hit in numbers[:40])))
             else:
                 result, put = numbers + words, random.choice(ODD).encode()
@@ -49,7 +49,7 @@ def text(data: bytes, random: Random) -> bytes:
 
 
 def damaged(data: bytes, random: Random) -> bytes:
-    """Damage bytes: one flipped, cut off, put in, twice, another encoding."""
+    """Damages bytes: cuts, removes, inserts or doubles some, or changes line ends or encoding."""
     at = random.randrange(len(data) + 1)
     noise, gap = random.randbytes(random.choice((1, 2, 60))), random.choice((1, 3, 100))
     parts = (data[:at], data[at:], data[:at] + data[at + gap :], data + data, b"")
@@ -60,7 +60,7 @@ def damaged(data: bytes, random: Random) -> bytes:
 
 
 def odd(value: object, random: Random) -> object:
-    """A value of JSON with something strange in it."""
+    """A copy of a JSON value with one change: an entry removed, added, doubled or replaced."""
     if isinstance(value, dict) and value and random.random() < 0.95:
         name = random.choice(sorted(value))
         action = random.randrange(10)
@@ -88,7 +88,7 @@ def odd(value: object, random: Random) -> object:
 
 
 def journal(data: bytes, random: Random) -> bytes:
-    """A journal whose records say something odd, under digests that are right; or damaged as text is."""
+    """A journal with changed records and right digests, or damaged as text."""
     if random.random() < 0.25:
         return text(data, random)
     entries = [json.loads(line) for line in data.splitlines()]
@@ -105,20 +105,20 @@ def journal(data: bytes, random: Random) -> bytes:
 
 
 def sealed(data: bytes, random: Random) -> bytes:
-    """A JSON document changed, with the digest that it then has; or damaged as text."""
+    """A changed JSON document with its right digest, or the document damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
     document = json.loads(data)
     del document["sha256"]
     document = odd(document, random)
-    with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
+    with contextlib.suppress(ValueError, UnicodeEncodeError):  # some texts have no digest
         if isinstance(document, dict):
             document["sha256"] = strict_json.digest(document)
     return json.dumps(document).encode()
 
 
 def values(data: bytes, random: Random) -> bytes:
-    """A JSON document with something odd in it, or damaged as text."""
+    """A changed JSON document, or the document damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
     return json.dumps(odd(json.loads(data), random)).encode()

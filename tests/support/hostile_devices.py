@@ -1,20 +1,20 @@
-"""Devices of a simulated cell that fall silent, slow, endless, stopped or gone at any call of a run.
+"""Runs in which a device becomes silent, slow, dripping, endless, stopped or gone at a given call.
 
-Between a run (a process) and its `grasp-cell` stands a relay for each device, which counts what the run sends
-there. At a given call the relay changes what comes back, for good:
+A run (a process) reaches one device of its `grasp-cell` through a relay, which counts the calls of the run.
+From the given call on, the device behaves differently:
 
-- silent: it hears and never answers
+- silent: it receives, and never answers
 - slow: each answer comes `SLOW_S` late
 - drip: answers come a byte at a time, `DRIP_S` apart
-- endless: bytes without an end
-- stopped: it takes nothing any more (on a terminal: its flow is stopped)
+- endless: it sends bytes without an end
+- stopped: it receives nothing any more (on a terminal, the flow is stopped)
 - gone: it hangs up
 
-A run has to end by its deadline and `SPARE_S`, with a documented exit code, the arm and the fingers at rest,
-the arm up where its state was known, and the part's outcome and the run's end in the journal.
-`hostile_campaign` tries random cases, or every call of a run. The OmniCore controller is not part of the
-cell: its arm moves beside it. Scene and camera are heard only by a run that has started its cell: it takes
-one that runs already for its own (`run_on_cell`).
+The run has to end `SPARE_S` after its deadline at the latest, with a documented exit code. Arm and fingers
+have to be at rest, and the arm up if its state was known. The journal has to contain the outcome of the part
+and the end of the run. `hostile_campaign` tries random cases, or every call of a run. The OmniCore controller
+is not part of the cell: its arm moves nothing there. Only a run that starts its cell uses scene and camera;
+for these `run_on_cell` makes a run use a running cell in place of one that it would start.
 """
 
 import contextlib
@@ -50,7 +50,7 @@ from runtime.journal.chain import records, verify
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import dump
 
-# Devices, and about how many rows of calls each hears in a run of one part.
+# Devices, and the approximate number of rows of calls to each in a run of one part.
 ROWS = {
     "gripper": 19,
     "gripper_tcp": 19,
@@ -64,18 +64,17 @@ ROWS = {
     "camera": 1,
 }
 GRIPPERS = ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap")
-SIMULATED = ("scene", "camera")  # heard by runs with --port sim
+SIMULATED = ("scene", "camera")  # only runs with --port sim call these
 SCALE = 12.0
 SPARE_S = 2.0
 HANG_S = 240.0
-URCAP_CALLS = 1000  # of a run
-NEVER = 1 << 40  # a call that no run comes to
-CODES = {0, 10, 20, 21}  # 10: the jaws met no part, where the arm is not the cell's
+URCAP_CALLS = 1000  # calls of a run to the URCap, about
+CODES = {0, 10, 20, 21}  # 10 (rejected): the jaws meet no part if another arm moves
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
-# By when a run ends whose device does not answer: the call's own deadline and, for the gripper, as much again
-# for the safe sequence. A motion of the arm may take its own time, and has 3 device seconds for its ramps.
-MOTION_S = 8.0
+MOTION_S = 8.0  # time for a motion of the arm, including 3 device seconds for its ramps
+# Time in which a run ends if its device does not answer: the deadline of the call and, for the gripper, as
+# much again for the safe sequence; for other devices the time of a motion.
 DEADLINES_S = {
     **dict.fromkeys(GRIPPERS, 2.0 * _TRIES_S + LINK_TIMEOUT_S),
     "arm": 2.0 + MOTION_S,
@@ -88,14 +87,17 @@ DEADLINES_S = {
 
 
 def deadline_s(case: Case) -> float:
-    """By when after its call the run has to end; a slow device makes no call late, but the squeeze."""
+    """Time after the call of the case by which the run has to end [s].
+
+    A slow device keeps the deadline of each call, but not that of a squeeze.
+    """
     if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]
     table = small_table()
     squeezes = [expected_of(table, node).total_s for node in table.nodes]
-    # Activation and end count as one more.
+    # Activation and end count as one more squeeze.
     squeezing_s = (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
-    # What is outside of squeezes has its calls, each late: seven a reading where the URCap is asked.
+    # Calls outside of squeezes are late, too: the URCap needs seven for a reading.
     return max(squeezing_s, URCAP_CALLS * SLOW_S if case.device == "gripper_urcap" else 0.0)
 
 
@@ -103,11 +105,12 @@ class End(NamedTuple):
     """How a run ended.
 
     Attributes:
-        took_s: time since its device changed.
-        wrong: what must not be, whatever the machine's load.
-        late: what may be so because the machine is loaded, empty: it ended in time.
-        reached: whether the run came to the case's call.
-        rows: the calls that its device heard.
+        code: exit code, or "hangs".
+        took_s: time from the change of the device to the end [s].
+        wrong: violations that the load of the machine does not excuse.
+        late: by how much the run was late, for people; empty if it ended in time.
+        reached: whether the run reached the call of the case.
+        rows: the calls to the device.
     """
 
     code: str
@@ -119,7 +122,7 @@ class End(NamedTuple):
 
 
 class Bench:
-    """A simulated cell of one's own, and runs on it through relays."""
+    """A simulated cell, and runs that use it through relays."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -131,20 +134,20 @@ class Bench:
 
     @cached_property
     def _omnicore(self) -> OmniCoreRig:
-        """A controller of its own, whose arm moves nothing in the cell."""
+        """An OmniCore controller, whose arm moves nothing in the cell."""
         rig = OmniCoreRig()
         self._closing.callback(rig.close)
         return rig
 
     @cached_property
     def _seen_cell(self) -> RunningCell:
-        """A cell with a camera, which needs parts that lie somewhere."""
+        """A cell with a camera and a world in which parts have true poses."""
         more = ("--world", DEFAULT_WORLD, "--camera")
         return self._closing.enter_context(RunningCell(TABLE, *more, time_scale=SCALE))
 
     @cached_property
     def _auditor(self) -> str:
-        """The command that looks through that camera."""
+        """The auditor's command for the camera of `_seen_cell`."""
         keep_standard(self._folder)
         words = [sys.executable, "-m", "drivers.camera.audit.command", "judge"]
         words += ["--tree", str(TABLE), "--calibration", str(self._folder / "camera.json")]
@@ -160,10 +163,10 @@ class Bench:
 
     @contextlib.contextmanager
     def endpoints(self, case: Case) -> Iterator[tuple[dict[str, str], Hindrance]]:
-        """The addresses of a cell's devices for a run; the case's device is behind a relay that obeys it."""
+        """Yields the addresses of a cell's devices, the case's device behind a relay, and the hindrance."""
         hindrance, device = Hindrance(case), case.device
         ends = dict(self._cell_of(case).endpoints)
-        # Which of its grippers or arms a run takes.
+        # Role of the device in a run: gripper, arm, scene or camera.
         kind = device.partition("_")[0]
         relays: list[Relay] = []
         if device == "gripper":
@@ -188,7 +191,7 @@ class Bench:
                 relay.close()
 
     def run(self, case: Case) -> End:
-        """How a run ended, and what is wrong with that."""
+        """Runs one part and returns how the run ended, with everything that is wrong."""
         self._runs += 1
         journal = self._folder / f"journal-{self._runs}.jsonl"
         with self.endpoints(case) as (endpoints, hindrance):
@@ -218,7 +221,7 @@ class Bench:
         return End(str(code), took_s, wrong, late, hindrance.began_s is not None, hindrance.rows)
 
     def _words(self, case: Case, endpoints: Mapping[str, str], journal: Path) -> list[str]:
-        """The command of a run of one part."""
+        """The command of a run with one part."""
         words = [*RUNTIME, "--port", endpoints["gripper"], "--arm", endpoints["arm"]]
         if case.device in SIMULATED:
             words = [sys.executable, str(ROOT / "tests" / "support" / "run_on_cell.py")]
@@ -231,7 +234,7 @@ class Bench:
         return [*words, "--journal", str(journal), "--count", "1"]
 
     def _rest_faults(self, case: Case, said: str) -> Iterator[str]:
-        """Whether arm and fingers rest, and the arm is up where its state was known."""
+        """Yields a sentence if arm or fingers move, and if the arm is not up although its state was known."""
         ends = self._cell_of(case).endpoints
         with contextlib.closing(connect.gripper(ends["gripper"], time_scale=SCALE)) as gripper:
             if gripper.state().moving and "NOT KNOWN TO BE STOPPED" not in said:
@@ -243,9 +246,9 @@ class Bench:
                 low = after[2] < UP_MM - 0.1
                 if low and not case.device.startswith("arm") and "state unknown" not in said:
                     yield f"the arm stands at {after[2]:.1f} mm"
-                if low:  # up for the next one
+                if low:  # raises the arm for the next run
                     arm.move_linear((*after[:2], UP_MM, after[3]), 100.0)
-            gripper._send({})  # inactive again, so that each run has the same calls
+            gripper._send({})  # deactivates the gripper, so that each run makes the same calls
 
 
 def _place(url: str) -> tuple[str, int]:
@@ -254,7 +257,10 @@ def _place(url: str) -> tuple[str, int]:
 
 
 def _ur_relays(url: str, hindrance: Hindrance, device: str) -> tuple[list[Relay], str]:
-    """Relays of both ports of a UR controller, the one for programs two below; the other obeys nothing."""
+    """Relays of both ports of a UR controller, and the arm's address; only the device's port is hindered.
+
+    The port for programs is two below that of RTDE.
+    """
     host, port = _place(url)
     sound = Hindrance(None)
     reading, programs = (hindrance, sound) if device == "arm_ur" else (sound, hindrance)
@@ -262,14 +268,14 @@ def _ur_relays(url: str, hindrance: Hindrance, device: str) -> tuple[list[Relay]
         script = TcpRelay(programs, (host, port - 2))
         try:
             rtde = TcpRelay(reading, (host, port), script.port + 2)
-        except OSError:  # taken
+        except OSError:  # the port is in use
             script._listener.close()
             continue
         return [script, rtde], f"ur://127.0.0.1:{rtde.port}?{url.partition('?')[2]}"
 
 
 def _journal_faults(journal: Path, code: int) -> Iterator[str]:
-    """What a journal lacks: its last record, and the outcome of a part that was begun."""
+    """Yields a sentence if the journal, its last record or the outcome of a part is missing."""
     if not journal.exists():
         if code == 0:
             yield "no journal"

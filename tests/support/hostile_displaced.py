@@ -1,8 +1,8 @@
-"""An arm that something displaces while it stands: above the tolerance the part has to end in a fault.
+"""Displaces the arm while it stands: above the tolerance, the part has to end in a fault.
 
-Every part runs twice by the same seed: undisturbed, which tells when the arm stands at the part and for how
-long, and with a displacement at a random moment of one of those rests. Every tenth displacement stays below
-the tolerance and has to change nothing but the place.
+Every part runs twice with the same seed. The first run is undisturbed and shows when the arm rests at the
+part. In the second run the arm is displaced at a random moment of one of these rests. Every tenth
+displacement is below the tolerance, and must not cause a fault of the arm.
 """
 
 import math
@@ -24,38 +24,39 @@ from runtime.shell.exit_codes import ExitCode
 from runtime.table import Table
 from runtime.traversal.results import PartResult
 
-READ = "3 "  # the instruction that asks where the arm stands
-SHORT_S, EDGE_S = 0.02, 0.005  # rests that no jaws move in; from a reading to the displacement
-BELOW, ABOVE = 0.8, 1.2  # of the tolerance: an arm reads itself back to 0.01 mm and about 1 mrad
+READ = "3 "  # start of the instruction that reads the arm's pose
+# Rests that are not longer are left out: no jaws move in them. Least time from a reading to the displacement.
+SHORT_S, EDGE_S = 0.02, 0.005
+BELOW, ABOVE = 0.8, 1.2  # shares of the tolerance: poses are read to 0.01 mm and about 1 mrad
 MOST_MM, MOST_RAD = 12.0, math.pi
 EVERY = 10
 HANDLED = (RunOptions(), RunOptions(handling=Handling(regulated=True)))
 
 
 class Displacement(NamedTuple):
-    """What befalls the hand, and when."""
+    """A displacement of the hand and its moment."""
 
     moment_s: float
     by: tuple[float, float, float, float]  # mm, mm, mm, rad
 
     @property
     def above(self) -> bool:
-        """Whether it is above the tolerance."""
+        """Whether the displacement is above the tolerance."""
         return math.hypot(*self.by[:3]) > PLACED_MM or abs(self.by[3]) > PLACED_RAD
 
 
 class Run(NamedTuple):
-    """One part."""
+    """The run of one part."""
 
     result: PartResult
-    rests: list[tuple[float, float]]  # from when to when the arm stands while the jaws may move
-    met: bool
+    rests: list[tuple[float, float]]  # start and end of each rest in which the jaws may move [s]
+    met: bool  # whether the arm was displaced
 
 
 def campaign(
     setting: Setting, table: Table, numbers: range, seed: int, report: Callable = print
 ) -> Counter[str]:
-    """Displace the arm once in each of so many parts; returns how often each end was met."""
+    """Displaces the arm once in the part of each number; returns the number of parts by how they ended."""
     ends: Counter[str] = Counter()
     for number in numbers:
         draw = random.Random(f"{seed}/{number}")
@@ -73,7 +74,7 @@ def campaign(
 def run_part(
     setting: Setting, table: Table, options: RunOptions, seed: int, case: Displacement | None
 ) -> Run:
-    """The first part of a cell, displaced or not."""
+    """Runs the first part of a cell, with a displacement or undisturbed if `case` is None."""
     heard: list[tuple[float, str]] = []
     cell = VirtualCell(setting, seed, None, lambda text: heard.append((cell.clock.now(), text)))
     gripper = cell.gripper()
@@ -95,7 +96,7 @@ def run_part(
 
 
 def drawn(draw: random.Random, rests: list[tuple[float, float]], *, above: bool) -> Displacement:
-    """A displacement at a moment of a rest: of the hand's place, of its turn, or of both."""
+    """Draws a displacement within a rest: of the hand's position, its angle, or both."""
     (start_s, end_s) = draw.choices(rests, [end - start for start, end in rests])[0]
     moment_s = draw.uniform(start_s + EDGE_S, end_s - EDGE_S)
     if not above:

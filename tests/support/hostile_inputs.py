@@ -1,11 +1,11 @@
-"""Files that are almost right, for every command that reads one: what `tools/hostile inputs` runs.
+"""Gives every command files that are almost right; `tools/hostile inputs` runs this.
 
-A case is a sound file with something wrong in it, and a command that reads it. It must end with one of the
-codes that its --help lists, an internal error not among them; where it fails, with a line on standard error
-that names it and no traceback; with the file as it was; and with no draft left beside it. One that hangs is
-killed.
+A case is a command and a sound file with one or a few changes. The command must end with an exit code that
+its --help lists, other than that of an internal error. If it fails, it must print a line on standard error
+that names the command, and no traceback. It must not change the file, or leave a draft beside it. A command
+that hangs is killed.
 
-`run(seed, numbers)` judges the cases of some numbers, each the same for the same seed.
+`run(seed, numbers)` judges the cases of some numbers; seed and number determine a case.
 """
 
 import base64
@@ -41,10 +41,10 @@ from runtime.spc.expectation import KIND, VERSION
 from runtime.table import dumps, load, loads
 from runtime.table.codec import encode
 
-LONGEST_S = 120.0  # generous: the machine may have other work
-PROCESS_EVERY = 150  # one case in so many is a process of its own
+LONGEST_S = 120.0  # time after which a case hangs; long, since the machine may have other work
+PROCESS_EVERY = 150  # one case in so many runs as a process
 INTERNAL = 1
-ALARM = 11  # an answer, not an error: grasp-audit report found what it looks for
+ALARM = 11  # exit code of an alarm of grasp-audit report, which is no error
 
 
 INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REFIT, REPORT = (
@@ -70,14 +70,14 @@ LOOKS = (
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Kind:
-    """One sort of case.
+    """A kind of cases.
 
     Attributes:
         entry: module and function of the command.
-        words: its arguments; `{name}` stands for a file.
-        files: sound files by name, each with what changes it.
-        keep: files that go with them unchanged.
-        share: how often it is drawn, relative to others.
+        words: arguments of the command; `{name}` stands for a file.
+        files: sound files by name, each with the function that changes it.
+        keep: files by name that stay unchanged.
+        share: relative frequency of the kind.
     """
 
     entry: tuple[str, str]
@@ -97,7 +97,7 @@ class Case:
 
 
 def table(data: bytes, random: Random) -> bytes:
-    """A mutated table, of which most have a digest that is right; or one whose embedded job is odd."""
+    """A mutated table, mostly with a right digest, or a sound table with a changed job embedded."""
     if random.random() < 0.6:
         return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
     job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
@@ -114,7 +114,7 @@ def job_text() -> bytes:
 
 @cache
 def kinds() -> tuple[Kind, ...]:
-    """All sorts of cases."""
+    """All kinds of cases."""
     job, small = JOB.read_bytes(), dumps(small_table())
     asked = "{j.toml} --poses {p} -o o.csv"
     runs, whole = recorded()
@@ -155,7 +155,7 @@ def kinds() -> tuple[Kind, ...]:
 
 
 def recorded() -> tuple[bytes, bytes]:
-    """A journal of two runs, and the table that it says they were made with: a small one with a job."""
+    """A journal of two runs, and the table that it states for them: a small one with an embedded job."""
     limits = load(TABLE).table.limits
     whole = dumps(with_job(replace(small_table(), limits=limits), job_text().decode()))
     with tempfile.TemporaryDirectory() as name:
@@ -169,7 +169,7 @@ def recorded() -> tuple[bytes, bytes]:
 
 
 def readings(whole: bytes) -> bytes:
-    """What `plan-expect` might write of a table's file."""
+    """A document that `plan-expect` might write for a table, given as bytes."""
     seen = [{"132": 20}, {"150": 9}]
     worlds = [{"name": name, "readings": seen} for name in ("as planned", "less")]
     record = {"kind": KIND, "version": VERSION, "worlds": worlds}
@@ -247,7 +247,7 @@ def gauged() -> bytes:
 
 
 def case(seed: int, number: int) -> Case:
-    """The case of a number."""
+    """The case of a seed and number."""
     random = Random(f"inputs {seed} {number}")
     every = kinds()
     kind = random.choices(every, [kind.share for kind in every])[0]
@@ -257,13 +257,13 @@ def case(seed: int, number: int) -> Case:
 
 
 def judge(given: Case, as_process: bool = False) -> str:
-    """Run a case in a folder of its own.
+    """Runs a case in an empty folder.
 
     Returns:
-        Its command and exit code.
+        The command and its exit code.
 
     Raises:
-        AssertionError: it did not end as every command has to.
+        AssertionError: the command broke a rule of this module.
     """
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         for file, data in given.files.items():
@@ -303,31 +303,31 @@ def _as_process(given: Case) -> Ended:
 
 @cache
 def documented(entry: tuple[str, str]) -> frozenset[int]:
-    """The codes that a command's --help lists, but for that of a bug."""
+    """The exit codes that a command's --help lists, without that of an internal error."""
     epilog = importlib.import_module(PARSERS.get(entry, entry[0])).parser().epilog or ""
     listed = epilog.partition("exit codes:\n")[2]
     return frozenset(map(int, re.findall(r"^ +(\d+)  ", listed, re.MULTILINE))) - {INTERNAL}
 
 
 def err_name(entry: tuple[str, str]) -> str:
-    """What a command's errors begin with."""
+    """The name with which the command's errors begin."""
     return str(importlib.import_module(PARSERS.get(entry, entry[0])).parser().prog)
 
 
 def run(seed: int, numbers: Iterable[int], tell=print, longest_s=LONGEST_S) -> Counter[str]:
-    """Judge the cases of some numbers in a worker process, which is replaced when one of them hangs.
+    """Judges the cases of some numbers in a worker process, which is replaced when a case hangs.
 
     Args:
-        seed: another one, other cases.
-        numbers: which.
-        tell: is given a line for each failure, with what repeats it.
-        longest_s: what a case may take.
+        seed: seed of the cases.
+        numbers: numbers of the cases.
+        tell: receives a line for each failure, with the options that repeat it.
+        longest_s: longest time of a case [s].
 
     Returns:
-        How many ended how; those that failed under "FAILED".
+        Number of cases by how they ended; all that failed count as "FAILED".
     """
     ends: Counter[str] = Counter()
-    kinds()  # before the worker is forked, so that the next one need not make them again
+    kinds()  # cached before the worker is forked, so that no worker builds them again
     worker = _Worker(seed)
     for number in numbers:
         result = worker.judge(number, longest_s)
@@ -353,7 +353,7 @@ class _Worker:
         there.close()
 
     def judge(self, number: int, longest_s: float) -> str | None:
-        """What became of a case; None where it did not end."""
+        """Judges a case; returns how it ended, None if it did not end."""
         self._here.send(number)
         if not self._here.poll(longest_s):
             return None
@@ -363,7 +363,7 @@ class _Worker:
             return None
 
     def kill(self) -> None:
-        """End the process."""
+        """Ends the process."""
         self._process.kill()
         self._process.join()
 

@@ -1,15 +1,16 @@
-"""Signals at random moments of simulated runs, calibrations and activations, each as a process.
+"""Sends signals at random moments to processes that run, calibrate or activate a simulated cell.
 
-`campaign(count, seed)` tries so many cases, prints those that failed and one line at the end, and returns how
-many failed. `campaign(1, seed, first=N)` repeats case N. Each case sends one signal (INT, TERM, HUP, QUIT),
-two in quick succession, or STOP and CONT and then one, to a process that works with a `grasp-cell` of ours
-(`--port sim`, whose cell goes with it, is judged by its journal alone). Then a line of our own to the same
-gripper tells whether
+`campaign(count, seed)` tries `count` cases, prints those that failed and a line at the end, and returns the
+number of failures. `campaign(1, seed, first=N)` repeats case N. Each case sends one signal (INT, TERM, HUP,
+QUIT), two in quick succession, or STOP, CONT and then one, to a process that uses a `grasp-cell` of this
+module. Then a second connection to the gripper and one to the arm check that
 
-- the fingers stand still, where the process said that they stopped;
-- the arm is up, where the process said so;
+- the fingers stand still where the process said that they stopped;
+- the arm is up, if the process said so;
 - the exit code is that of the first cause: the stop, or the fault that came before it;
-- the journal verifies, ends with its last record, and its decisions can be derived again.
+- the journal verifies, ends with its last record, and a replay derives the same decisions.
+
+A run with `--port sim` has a cell of its own, which ends with it; only its journal is checked.
 """
 
 import contextlib
@@ -39,25 +40,25 @@ WORKERS = 4
 SCALE = 4.0
 UP_MM = small_table().limits.retreat_height_um / 1000
 STOPPED, FAULT = 40, 20
-# The interpreter itself was interrupted, before any line of ours.
+# Printed if the interpreter was interrupted while it started, before any code of the project ran.
 STARTING = "Fatal Python error: init_"
-STILL_S = 0.06
-REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
+STILL_S = 0.06  # time between two looks at the fingers
+REAL_S = 0.15  # time from the stop at a fault to the arm's retreat, at this scale
 PARTS = 2000
-# In every second part, some way into it; the other parts are for us to clear the jaws in.
+# Faults in every second part; in the other parts `Bench.prepare` opens the jaws.
 FAULT_AT = '[[fault]]\nkind = "gflt_0e"\nat = 90\npart = '
 FAULTS = "".join(f"{FAULT_AT}{part}\n" for part in range(2, PARTS, 2))
 
 
 class Case(NamedTuple):
-    """What is sent to what, and when.
+    """The signals of a case and their times.
 
     Attributes:
-        kind: of `KINDS`.
+        kind: name of the kind in `KINDS`.
         numbers: the signals, one after the other.
-        delay_s: before the first, counted from the moment that the kind waits for.
-        gap_s: before each other.
-        pause_s: how long the process is stopped (SIGSTOP) before, 0.0 for not at all.
+        delay_s: time from the notice of the kind to the first signal.
+        gap_s: time before each later signal.
+        pause_s: time for which the process is stopped (SIGSTOP) before the first signal; 0: it is not.
     """
 
     kind: str
@@ -77,7 +78,7 @@ class Ended(NamedTuple):
 
 
 def drawn(random_: random.Random) -> Case:
-    """A case at random."""
+    """Draws a case."""
     kind = random_.choices(list(KINDS), [row.weight for row in KINDS.values()])[0]
     numbers = tuple(random_.choices(SIGNALS, k=random_.choice((1, 1, 2))))
     pause_s = random_.uniform(0.6, 1.6) if kind != "fault" and random_.random() < 0.12 else 0.0
@@ -86,11 +87,11 @@ def drawn(random_: random.Random) -> Case:
 
 
 class Bench:
-    """A cell, and a line of our own to its gripper; one case after the other.
+    """A cell with a second connection to its gripper; tries one case after the other.
 
     Args:
-        folder: for table, journals and sockets.
-        faulty: whether the gripper fails in the middle of each part.
+        folder: folder for table, journals and sockets.
+        faulty: whether the gripper fails in the middle of every second part.
     """
 
     def __init__(self, folder: Path, *, faulty: bool) -> None:
@@ -107,13 +108,13 @@ class Bench:
         self.number = 0
 
     def close(self) -> None:
-        """End the cell."""
+        """Ends the cell."""
         self.gripper.close()
         self.scene.close()
         self.cell.close()
 
     def prepare(self, *, active: bool) -> None:
-        """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
+        """Opens the jaws, resets the gripper unless `active`, and feeds a part."""
         self.scene.next_part()
         self.gripper.activate()
         self.gripper.move(85_000, 150.0, 20.0)
@@ -123,7 +124,7 @@ class Bench:
         self.scene.next_part()
 
     def run(self, case: Case) -> tuple[Ended, list[str]]:
-        """Try a case; returns how it ended, and what is wrong with that."""
+        """Tries a case; returns how the process ended, and a sentence for each broken rule."""
         kind = KINDS[case.kind]
         self.number += 1
         self.prepare(active=kind.active)
@@ -141,7 +142,7 @@ class Bench:
                 elif kind.notice:
                     notices.wait(kind.notice, process)
                 self._send(process, case)
-                stdin, process.stdin = process.stdin, None  # its end would be a cause of its own
+                stdin, process.stdin = process.stdin, None  # its end would be another stop
                 out, err = process.communicate(timeout=WAIT_S)
                 stdin.close()
             finally:
@@ -164,7 +165,7 @@ class Bench:
             process.send_signal(number)
 
     def _moving(self, ended: Ended) -> Iterator[str]:
-        """What the gripper says after the process has gone."""
+        """Yields a sentence if the fingers move, or stand elsewhere than the process said when it ended."""
         first = self.gripper.state()
         time.sleep(STILL_S)
         last = self.gripper.state()
@@ -172,7 +173,7 @@ class Bench:
             yield f"the fingers move on, from {first.width_um} to {last.width_um} um"
         output = ended.out + ended.err
         said = re.findall(r"fingers stopped at ([\d.]+) mm", output)
-        ours = "simulated cell" not in output  # else the cell went with the process
+        ours = "simulated cell" not in output  # else the cell ended with the process
         if ours and any(abs(1000 * float(mm) - last.width_um) > 10 for mm in said):
             yield f"the fingers stand at {last.width_um} um, stopped at {said}"
         if "NOT KNOWN" in output:
@@ -181,7 +182,7 @@ class Bench:
             yield "a traceback"
 
     def _low(self, ended: Ended) -> Iterator[str]:
-        """What the arm says; brings it up for the next case."""
+        """Yields a sentence if the arm is not up although the process said so; brings the arm up."""
         with contextlib.closing(connect.arm(self.cell.endpoints["arm"], time_scale=SCALE)) as arm:
             x_mm, y_mm, z_mm, angle_rad = arm.pose()
             if z_mm < UP_MM:
@@ -195,7 +196,7 @@ def _run(bench: Bench, journal: Path) -> list[str]:
 
 
 def _simulate(bench: Bench, journal: Path) -> list[str]:
-    """With a cell of its own, which is gone with it: what it ended in, only its journal tells."""
+    """The command of a run with a cell of its own, which ends with the run."""
     words = [*RUNTIME, "--tree", str(bench.tree), "--port", "sim", *REHEARSAL]
     return [*words, "--time-scale", f"{SCALE:g}", "--count", "1000", "--journal", str(journal)]
 
@@ -212,7 +213,10 @@ def _stopped(ended: Ended) -> Iterator[str]:
 
 
 def _stopped_or_never_begun(ended: Ended) -> Iterator[str]:
-    """Before the handlers stand, a signal ends the process as it always does; nothing has moved then."""
+    """Checks a stop that may come before the process has installed its handlers of signals.
+
+    A signal then kills the process, and there must be no journal: nothing has moved.
+    """
     if ended.code >= 0 and STARTING not in ended.err:
         yield from _stopped(ended)
     elif ended.journal.exists():
@@ -253,13 +257,13 @@ class Kind(NamedTuple):
     """A kind of cases.
 
     Attributes:
-        weight: how often it is drawn.
-        active: whether the gripper is active before.
-        lasts_s: the latest moment of the first signal, after its notice.
-        command: the process.
-        notice: what the process tells the service manager before signals come; empty for none, as it may
-            still be importing, None for its first line.
-        check: what is wrong with how it ended.
+        weight: relative frequency of the kind.
+        active: whether the gripper is active before the process starts.
+        lasts_s: longest time from the notice to the first signal.
+        command: returns the command of the process.
+        notice: report to the service manager after which signals are sent; empty: they are sent at once,
+            maybe while the process still starts; None: they are sent after the first line of output.
+        check: yields a sentence for each broken rule.
     """
 
     weight: int
@@ -283,7 +287,7 @@ KINDS = {
 
 @contextlib.contextmanager
 def usual_signals() -> Iterator[None]:
-    """Signals that `nohup` or a background job has ignored would be ignored by our processes, too."""
+    """Gives ignored signals, as by `nohup`, their default handlers; processes would inherit the former."""
     ignored = [number for number in SIGNALS if signal.getsignal(number) == signal.SIG_IGN]
     for number in ignored:
         signal.signal(number, signal.SIG_DFL)
@@ -295,10 +299,10 @@ def usual_signals() -> Iterator[None]:
 
 
 def campaign(count: int, seed: int, first: int = 0) -> int:
-    """Try cases `first` to `first + count - 1` of a seed.
+    """Tries the cases `first` to `first + count - 1` of a seed, and prints each that fails with its number.
 
     Returns:
-        How many failed; each is printed with its number.
+        Number of failed cases.
     """
     numbered = [(k, drawn(random.Random(f"{seed}/{k}"))) for k in range(first, first + count)]
     faulty = [each for each in numbered if each[1].kind == "fault"]

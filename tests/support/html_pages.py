@@ -1,4 +1,4 @@
-"""Reads a page of HTML as a browser would find it: tags, attributes, scripts."""
+"""Parses pages of HTML: tags, attributes, scripts."""
 
 from html.parser import HTMLParser
 
@@ -6,7 +6,7 @@ VOID = {"meta", "link", "br", "input", "hr", "img"}
 
 
 class Page(HTMLParser):
-    """Tags, attributes and scripts of a page; complains about tags that are not closed in order."""
+    """Tags, attributes and scripts of a page; asserts that tags are closed in order."""
 
     def __init__(self, text):
         super().__init__()

@@ -1,4 +1,4 @@
-"""A TCP server that is not the device that a driver looks for."""
+"""A TCP server that answers, but is not the device that a driver expects."""
 
 import contextlib
 import socket
@@ -6,7 +6,7 @@ import threading
 
 
 class Impostor:
-    """Greets each client, answers each message with the same bytes, hangs up after `answers` of them."""
+    """Sends a greeting, and the same bytes after each message; hangs up after `answers` answers."""
 
     def __init__(self, answer=b"", answers=1000, greeting=b""):
         self._answer, self._answers, self._greeting = answer, answers, greeting

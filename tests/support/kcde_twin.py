@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the learned model's kernels: every roll-out against every pose, in numpy."""
+"""Slow, simple counterparts of the kernels of the learned model: all roll-outs for all poses, in numpy."""
 
 import math
 
@@ -16,7 +16,7 @@ def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np
 def weights(
     poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: float
 ) -> np.ndarray:
-    """Equation 8 over all roll-outs, (n, m)."""
+    """Weights (n, m) of m roll-outs for n poses by eq. 8, each row of sum 1; `h1` is the bandwidth [mm]."""
     square = (offsets(poses, initial, rho, order) ** 2).sum(axis=-1)
     log_weight = -0.5 * square / h1**2
     weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
@@ -24,7 +24,7 @@ def weights(
 
 
 def energy_distance(a: np.ndarray, b: np.ndarray, rho: float, order: int) -> float:
-    """Energy distance with every pair written out."""
+    """Energy distance of two samples of poses, by the distances of all pairs [mm]."""
 
     def points(poses: np.ndarray) -> np.ndarray:
         around = np.exp(1j * order * poses[:, 2]) * rho / order

@@ -1,4 +1,4 @@
-"""An interpreter of ladder diagrams in text, for tests: rungs from top to bottom, each from left to right."""
+"""An interpreter of ladder diagrams in text: executes rungs from top to bottom, each from left to right."""
 
 import re
 
@@ -10,7 +10,7 @@ ELEMENT = re.compile(
 
 
 class Ladder:
-    """A diagram and its memory, in which everything is 0 at first; each call is a cycle."""
+    """A diagram and its memory, whose variables are 0 at first; each call executes a cycle."""
 
     def __init__(self, text: str) -> None:
         lines = [line for line in text.splitlines() if line.startswith("|")]
@@ -19,7 +19,7 @@ class Ladder:
         self._memory: dict[str, int] = {}
 
     def __call__(self, **inputs: int) -> dict[str, int]:
-        """Execute a cycle; returns the memory after it."""
+        """Sets the inputs, executes a cycle, and returns a copy of the memory."""
         self._memory.update(inputs)
         for rung in self._rungs:
             power = True

@@ -1,4 +1,4 @@
-"""Two slow ways to solve what Lemke's method solves: try every basis, try every mode of contact."""
+"""Two slow methods that solve the LCP of a contact step: all bases, and all modes of contact."""
 
 import itertools
 
@@ -12,7 +12,7 @@ TOLERANCE = 1e-9
 
 
 def solve(M: np.ndarray, q: np.ndarray) -> tuple[int, np.ndarray]:
-    """Lemke's method with workspaces of its own: status and z (n,) for M (n, n) and q (n,)."""
+    """Calls Lemke's method with fresh workspaces; returns the status and z (n,) for M (n, n) and q (n,)."""
     n = len(q)
     z = np.zeros(n)
     status = int(lemke(M, q, n, np.empty((n, 2 * n + 2)), np.empty(n, np.int64), z))
@@ -20,7 +20,7 @@ def solve(M: np.ndarray, q: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """All basic solutions (k, n) of the LCP, one subset of z after the other; singular bases are left out."""
+    """All basic solutions z (k, n) of the LCP, by trying each subset of z; singular bases are left out."""
     n = len(q)
     chosen = np.array(list(itertools.product([False, True], repeat=n)))  # (2^n, n)
     columns = np.where(chosen[:, None, :], -M, np.eye(n))  # w - M z = q
@@ -35,7 +35,8 @@ def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
 def motions(problem: ContactProblem) -> np.ndarray:
     """All motions (k, 3) that satisfy eqs 1-5, one for each consistent mode of the contacts.
 
-    Every contact separates, sticks, or slides one way or the other: 4^m linear systems for the 2 m forces.
+    Each of the m contacts separates, sticks, or slides in one of two directions: 4^m linear systems for the
+    2 m forces.
     """
     m = len(problem.gap)
     N, T = wrenches(problem)

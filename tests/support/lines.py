@@ -1,10 +1,10 @@
-"""A line to a device that answers as a script says, on a virtual clock."""
+"""A stream to a device that answers by a script, on a virtual clock."""
 
 from drivers.sim.virtual.clock import VirtualClock
 
 
 class Line:
-    """A stream that answers as a script says: (delay, bytes) a request, or an error."""
+    """A stream with a scripted answer to each request: a list of (delay [s], bytes) or of errors to raise."""
 
     endpoint = "a line"
 

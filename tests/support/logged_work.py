@@ -1,4 +1,4 @@
-"""Work for processes that a test starts and kills, which needs no kernels and so starts at once."""
+"""Functions for worker processes that tests start and kill; without kernels, they start at once."""
 
 import os
 import time
@@ -8,7 +8,7 @@ from runtime.shell.errors import InputError
 
 
 def logged(log: str, seconds: float, item: int) -> int:
-    """The item's square; the process that works it out leaves a line in a file, before and after."""
+    """Returns the square of `item`; writes a line with the process's id to a file before and after."""
     with Path(log).open("a") as file:
         file.write(f"{item} begun by {os.getpid()}\n")
     time.sleep(seconds)
@@ -18,5 +18,5 @@ def logged(log: str, seconds: float, item: int) -> int:
 
 
 def refused(item: int) -> int:
-    """Fails as a job does."""
+    """Raises the error of an invalid job."""
     raise InputError(f"is no number, unlike {item}", section="goal", key="distance_mm")

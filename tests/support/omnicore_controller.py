@@ -1,7 +1,7 @@
-"""A simulated OmniCore controller: those Robot Web Services 2 that the driver uses, and our RAPID program.
+"""A simulated OmniCore controller: the Robot Web Services 2 that the driver uses, and its RAPID program.
 
-The arm's mechanics are those of the simulated IRC5 arm. What `SqueezeTree.modx` does is done here in Python;
-other RAPID is not run. TLS needs a certificate: the caller brings one.
+The arm moves as the simulated IRC5 arm. The program `SqueezeTree.modx` is rewritten here in Python; other
+RAPID is not executed. The caller provides a certificate for TLS.
 """
 
 import base64
@@ -23,7 +23,7 @@ from drivers.abb.rws import ACCEPT, FACTORY, FORM
 from drivers.sim.devices.arm import ArmModel, HaltError
 from drivers.sim.wire.serving import LibraryServer
 
-MAIN = ("Module1", "main")  # whoever programmed the cell before
+MAIN = ("Module1", "main")  # module and routine of another program of the cell
 REALM = "validusers@robapi.abb"
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 IDENTITY_TEXT = "[[0,0,0],[1,0,0,0]]"
@@ -31,7 +31,7 @@ NUMBERS = {"sq_speed": "20", "sq_turn": "10", "sq_request": "0", "sq_started": "
 
 
 class RefusedError(Exception):
-    """The controller answers by an error."""
+    """The controller answers a request with an error."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
         super().__init__(reason)
@@ -39,7 +39,7 @@ class RefusedError(Exception):
 
 
 class OmniCore:
-    """The controller's state; it boots with the program stopped and its pointer in somebody's main."""
+    """State of the controller; at first no program runs, and the pointer is at another main routine."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.mode, self.motors = "AUTO", "motoron"
@@ -48,11 +48,11 @@ class OmniCore:
         self.master = False  # whether a client holds mastership over edits
         poses = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
         self.symbols = {**poses, "sq_version": "1", "sq_fastest": "250", **NUMBERS}
-        self._arm = arm  # its mechanics
-        self._ends_s = -1.0  # of the motion under way; negative: none
+        self._arm = arm  # moves as commanded
+        self._ends_s = -1.0  # time at which the motion under way ends; negative: there is none
 
     def advance(self, now_s: float) -> None:
-        """Let the program go on."""
+        """Executes the program up to the time `now_s`."""
         if not (self.running and self.pointer == (MODULE, ROUTINE)):
             return
         if 0.0 <= self._ends_s <= now_s:
@@ -69,13 +69,17 @@ class OmniCore:
                 self.running = False
 
     def stop(self, now_s: float) -> None:
-        """Stop program and arm."""
+        """Stops program and arm."""
         self.advance(now_s)
         self._arm.stop(now_s)
         self.running, self._ends_s = False, -1.0
 
     def read(self, path: str, now_s: float) -> list[dict[str, Any]]:
-        """A resource; RefusedError where there is none."""
+        """The content of a resource.
+
+        Raises:
+            RefusedError: there is no such resource.
+        """
         self.advance(now_s)
         flange = self._arm.flange_at(now_s)
         axes = {f"rax_{n}": f"{angle:.6f}" for n, angle in enumerate(self._arm.joints_at(now_s), 1)}
@@ -104,7 +108,11 @@ class OmniCore:
         return [{"_type": kind, **fields}]
 
     def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
-        """A change; RefusedError where it is not allowed."""
+        """Executes a request that changes something; `implicit`: it asks for mastership for itself.
+
+        Raises:
+            RefusedError: the change is not allowed.
+        """
         self.advance(now_s)
         match path:
             case "/rw/mastership/edit/request" | "/rw/mastership/request":
@@ -159,19 +167,19 @@ class _Http(ThreadingHTTPServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that connects and leaves, or takes our certificate for a bad one, is no news."""
+        """Prints nothing: a client may leave, or refuse the certificate."""
         del request, client_address
 
 
 class RwsServer(LibraryServer):
-    """The services on a port of this machine, with TLS.
+    """Serves the web services of a controller on a port of this machine, with TLS.
 
     Args:
         model: the controller.
         lock: held while a request is served.
-        now: simulated seconds.
+        now: returns simulated seconds.
         certificate: PEM file of a certificate and its key.
-        digest: whether sign-in is by Digest instead of Basic.
+        digest: whether clients sign in by Digest instead of Basic.
     """
 
     def __init__(
@@ -189,7 +197,7 @@ class RwsServer(LibraryServer):
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate)
         http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
-        # The handshake is the handler's: a client that only connects must not keep others waiting.
+        # Each handler makes its own handshake: a client that only connects must not block others.
         late = {"do_handshake_on_connect": False}
         http.socket = context.wrap_socket(http.socket, server_side=True, **late)
         super().__init__(http)
@@ -197,12 +205,12 @@ class RwsServer(LibraryServer):
         self.url = f"omnicore://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop serving; whoever meets silence is let go."""
+        """Stops serving, and releases the requests that wait in `silent`."""
         self._stopped.set()
         super().close()
 
     def silent(self) -> bool:
-        """Count a request; whether it meets silence until the server stops."""
+        """Counts a request; if the server is mute, waits until it stops and returns True."""
         self.requests += 1
         return self.mute and self._stopped.wait()
 

@@ -1,4 +1,4 @@
-"""Packs of a small table, for what reads packs."""
+"""Signed packs of tables, for tests of commands that read packs."""
 
 from runtime.signing.keys import SigningKey, _ed25519
 from runtime.signing.pack import signed
@@ -9,7 +9,7 @@ FACTS["versions"] = {"squeezetree": "0.1.0"}
 
 
 def new_key() -> SigningKey:
-    """A key that is in no file."""
+    """A new signing key, which is not written to a file."""
     return SigningKey(_ed25519().Ed25519PrivateKey.generate())
 
 

@@ -1,4 +1,4 @@
-"""A PLC's side of the handshake for tests: registers by name, in memory or over pymodbus' client."""
+"""A PLC's side of the handshake for tests: registers by name, in memory or over Modbus TCP."""
 
 import ctypes
 import socket
@@ -34,21 +34,21 @@ OUTPUTS = ("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat")
 
 
 def free_port() -> int:
-    """A port of this machine at which nobody listens."""
+    """A TCP port of this machine that nothing listens at."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         return int(taken.getsockname()[1])
 
 
 def integer(register: Register, words: Sequence[int]) -> int:
-    """What words mean: high word first, two's complement where signed."""
+    """The value of a register's words: high word first, two's complement if the register is signed."""
     value = int("".join(f"{word:016b}" for word in words), 2)
     return value - 2**32 if register.type == "int32" and value >= 2**31 else value
 
 
 class MemoryPlc:
-    """Reads and writes a station's registers by name; `now` is the time of either.
+    """Reads and writes the registers of a station in memory, by name, at the time `now`.
 
-    A part ends when the test says so (`end_part`).
+    A test ends the part under way by `end_part`.
     """
 
     def __init__(self, digests: Sequence[int] = (0x12345678,)) -> None:
@@ -56,7 +56,7 @@ class MemoryPlc:
         self.now = 100.0
 
     def write(self, **values: int) -> None:
-        """One exchange for each value."""
+        """Writes registers, each by one exchange."""
         for name, value in values.items():
             assert self.station.write(NAMED[name].address, [value], self.now) is None
 
@@ -67,21 +67,21 @@ class MemoryPlc:
         return integer(register, words)
 
     def __call__(self, *names: str) -> list[int]:
-        """Several values."""
+        """The values of several registers."""
         return [self[name] for name in names]
 
     def pulse(self, name: str) -> None:
-        """Raise and drop a signal."""
+        """Raises and drops a signal."""
         self.write(**{name: 1})
         self.write(**{name: 0})
 
     def end_part(self, **fields: int) -> None:
-        """The part under way ends."""
+        """Ends the part under way with these fields of its result."""
         self.station.finish(Answer(**{"outcome": 1, **fields}))
 
 
 class TcpPlc(Closing):
-    """The same over Modbus TCP, by pymodbus' client and the map that the command prints."""
+    """Reads and writes registers over Modbus TCP, by pymodbus' client and the map that the command prints."""
 
     def __init__(self, port: int, unit: int = 1) -> None:
         self.map = {entry["name"]: entry for entry in as_json()["registers"]}
@@ -95,7 +95,7 @@ class TcpPlc(Closing):
             assert self.code(name, value) == 0, name
 
     def code(self, name: str, value: int) -> int:
-        """Write; returns the exception's code, 0 where it was accepted."""
+        """Writes a register; returns the exception code of Modbus, 0 if the value was accepted."""
         answer = self.client.write_register(self.map[name]["address"], value, device_id=self.unit)
         return answer.exception_code if answer.isError() else 0
 
@@ -110,16 +110,16 @@ class TcpPlc(Closing):
         return integer(register, answer.registers)
 
     def beat(self) -> None:
-        """One more beat of the heart."""
+        """Sends one heartbeat."""
         self._beat = 1 - self._beat
         self.write(heartbeat_in=self._beat)
 
     def wait(self, name: str, value: int) -> None:
-        """Wait until a register has a value, with a heartbeat."""
+        """Waits until a register has a value; sends heartbeats meanwhile."""
         self.wait_for(lambda: self[name] == value, name)
 
     def wait_for(self, holds: Callable[[], bool], what: str) -> None:
-        """Wait until a condition holds, with a heartbeat."""
+        """Waits until a condition holds; sends heartbeats meanwhile."""
 
         def beaten() -> bool:
             self.beat()
@@ -133,9 +133,9 @@ class TcpPlc(Closing):
         self.write(enable=1)
 
     def begin(self, trigger_id: int) -> None:
-        """Trigger a part, and drop the trigger once it is acknowledged.
+        """Triggers a part, and drops the trigger once it is acknowledged.
 
-        On a machine so busy that the heartbeat stood still, enable and trigger once more.
+        If the machine is so busy that heartbeats were late, it enables and triggers again.
         """
         self.write(trigger_id=trigger_id, trigger=1)
         while not (self["acknowledge"] or self["busy"] or self["result_valid"]):
@@ -146,7 +146,7 @@ class TcpPlc(Closing):
         self.write(trigger=0)
 
     def result(self, trigger_id: int) -> dict[str, int]:
-        """Wait for the result of that id, take it and end the handshake."""
+        """Waits for the result with this id, takes it, and ends the handshake; returns its fields by name."""
         self.wait("result_valid", 1)
         assert self["result_id"] == trigger_id
         names = ("outcome", "x", "y", "angle", "exit_code", "error_id")
@@ -158,7 +158,7 @@ class TcpPlc(Closing):
         return values
 
     def part(self, trigger_id: int) -> dict[str, int]:
-        """A whole part."""
+        """Triggers a part and returns its result."""
         self.begin(trigger_id)
         return self.result(trigger_id)
 
@@ -167,7 +167,7 @@ class TcpPlc(Closing):
 
 
 class LibmodbusPlc(TcpPlc):
-    """The same by libmodbus, where the machine has it."""
+    """The same by libmodbus, which must be installed."""
 
     def __init__(self, port: int) -> None:
         super().__init__(port)
@@ -197,7 +197,7 @@ class LibmodbusPlc(TcpPlc):
 
 
 class StructuredPlc:
-    """The documented structured text, with the two exchanges of each of its cycles."""
+    """The documented structured text; each cycle makes two exchanges by the client of a `TcpPlc`."""
 
     def __init__(self, plc: TcpPlc) -> None:
         self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())
@@ -215,7 +215,7 @@ class StructuredPlc:
         image = [*(int(result[name]) for name in OUTPUTS), 0]
         answer = self._client.write_registers(WRITTEN_AT, image)
         assert not answer.isError()
-        time.sleep(0.003)  # a PLC has a cycle, too
+        time.sleep(0.003)  # the cycle time of a PLC
         return result
 
     def part(self, number: int) -> dict[str, int]:
@@ -226,12 +226,12 @@ class StructuredPlc:
 
 
 def by_pymodbus(port: int, parts: int) -> list[dict[str, int]]:
-    """The results of parts 1 to so many, by pymodbus' client."""
+    """The results of parts 1 to `parts`, by pymodbus' client."""
     return _by_client(TcpPlc(port, unit=17), parts)
 
 
 def by_libmodbus(port: int, parts: int) -> list[dict[str, int]]:
-    """The same by libmodbus."""
+    """The results of parts 1 to `parts`, by libmodbus."""
     return _by_client(LibmodbusPlc(port), parts)
 
 
@@ -242,14 +242,14 @@ def _by_client(client: TcpPlc, parts: int) -> list[dict[str, int]]:
 
 
 def in_structured_text(port: int, parts: int) -> list[dict[str, int]]:
-    """The same by the documented program."""
+    """The results of parts 1 to `parts`, by the documented structured text."""
     with TcpPlc(port, unit=17) as plc:
         program = StructuredPlc(plc)
         return [program.part(number) for number in range(1, parts + 1)]
 
 
 class PlcServed(ServedRun):
-    """`grasp-runtime --plc` as a process; `port` is where it answers."""
+    """`grasp-runtime --plc` as a process that answers at `port`."""
 
     def __init__(
         self,
@@ -267,6 +267,6 @@ class PlcServed(ServedRun):
         return TcpPlc(self.port, unit)
 
     def until_squeezing(self, part: int) -> None:
-        """Wait until the hand is at a part, which is under way from then on."""
+        """Waits until the journal says that the hand has reached this part."""
         placed = f'"kind":"placed","part":{part},'
         until(lambda: placed in self.journal.read_text(), placed)

@@ -1,8 +1,8 @@
-"""Handshakes in virtual time over exchanges that are dropped, doubled, late or reordered.
+"""Simulates handshakes in virtual time over exchanges that are dropped, doubled, late or reordered.
 
 The PLC writes and reads without waiting for answers. As on one connection of Modbus TCP, writes are executed
-in the order in which they were sent; an answer that is older than one that was read before is discarded by
-its transaction number. Now and then the connection breaks, the PLC stands still, loses its power, triggers
+in the order in which they were sent. The transaction number reveals an answer that is older than one already
+read; it is discarded. Now and then the connection breaks, the PLC stands still, loses its power, triggers
 twice, or leaves its acknowledge up.
 """
 
@@ -15,16 +15,16 @@ from runtime.plc.registers import HEARTBEAT_LIMIT_S, READ, READ_AT, WRITTEN, WRI
 from runtime.plc.station import Answer, Station
 
 CYCLE_S = 0.05
-MOST_PART_S = 0.3  # a part takes, at most
-MOST_UNDER_WAY = 6  # exchanges
-PATIENCE = 20  # cycles, until an acknowledge that took nothing is raised once more
+MOST_PART_S = 0.3  # longest time of a part
+MOST_UNDER_WAY = 6  # most exchanges that are sent and not yet executed
+PATIENCE = 20  # cycles without an effect after which the acknowledge is toggled
 _OFFSET = {register.name: register.address - READ_AT for register in READ}
 _LENGTH = READ[-1].address + READ[-1].words - READ_AT
 
 
 @dataclass(frozen=True)
 class Faults:
-    """How often something goes wrong, each a probability a cycle."""
+    """Probabilities of faults in a cycle."""
 
     dropped: float = 0.1
     doubled: float = 0.1
@@ -33,12 +33,12 @@ class Faults:
     stands_still: float = 0.001
     power: float = 0.001
     double_trigger: float = 0.02
-    lazy: float = 0.2  # a part whose acknowledge stays up until the next one is under way
+    lazy: float = 0.2  # the acknowledge of a part stays up until the next part is under way
 
 
 @dataclass
 class Program:
-    """The PLC's program: tools/docs/clients/plc.st in Python, started again and again."""
+    """The program of the PLC: tools/docs/clients/plc.st in Python, started again after each part."""
 
     lazy: bool = False
     state: int = 0
@@ -47,11 +47,11 @@ class Program:
     trigger_id: int = 0
     acknowledge: bool = False
     heartbeat: int = 0
-    cycles: int = 0  # since the acknowledge
-    taken: list[tuple[int, int]] = field(default_factory=list)  # retained: id and x of each result
+    cycles: int = 0  # cycles since the acknowledge
+    taken: list[tuple[int, int]] = field(default_factory=list)  # retentive: id and x of each result
 
     def cycle(self, words: list[int], next_id: int) -> None:
-        """One call with what was read last; `next_id` is that of the part to begin."""
+        """Executes one cycle with the registers read last; `next_id` is the id of the next part."""
         acknowledged, busy, valid, valid_id = words[:4]
         error = words[_OFFSET["error_id"]]
         self.heartbeat = (self.heartbeat + 1) & 0xFFFF
@@ -69,13 +69,13 @@ class Program:
             if valid and valid_id == self.trigger_id and not self.acknowledge:
                 self._take(words)
                 self.acknowledge, self.state, self.cycles = True, 3, 0
-            elif valid and self.acknowledge:  # one that was left up; it takes nothing
+            elif valid and self.acknowledge:  # left up from the part before; takes no result
                 self.acknowledge = False
         elif self.state == 3:
             self.cycles += 1
             if not valid:
                 self.acknowledge, self.state = self.lazy, 4
-            elif self.cycles % PATIENCE == 0:  # its fall was lost, so that it did not rise
+            elif self.cycles % PATIENCE == 0:  # an edge of the acknowledge was lost
                 self.acknowledge = not self.acknowledge
         elif self.state == 4:
             if (self.lazy or valid_id == 0) and not acknowledged:
@@ -88,11 +88,11 @@ class Program:
             self.state = 0
 
     def restart(self) -> None:
-        """Power is back: only what is retained is known, and the handshake goes on where the runtime is."""
+        """Starts the program after a loss of power: its signals are dropped, and it awaits a result."""
         self.state, self.enable, self.trigger, self.acknowledge = 2, False, False, False
 
     def image(self) -> list[int]:
-        """What the PLC writes, in the order of the registers."""
+        """The values that the PLC writes, in the order of the registers."""
         return [self.enable, self.trigger, self.trigger_id, self.acknowledge, self.heartbeat, 0]
 
     def _take(self, words: list[int]) -> None:
@@ -105,8 +105,8 @@ class Study:
     """Handshakes of one PLC with one station.
 
     Attributes:
-        given: id and x of each result that the runtime gave.
-        counts: what went wrong how often, and what `error_id` said.
+        given: id and x of each result that the runtime returned.
+        counts: number of each kind of fault, and of each value of `error_id`.
     """
 
     def __init__(self, seed: int, faults: Faults | None = None) -> None:
@@ -121,12 +121,12 @@ class Study:
         self._seen = [0] * _LENGTH
 
     def run(self, parts: int) -> None:
-        """Run until so many results are taken."""
+        """Runs until the PLC has taken `parts` results."""
         while len(self.program.taken) < parts:
             self.step()
 
     def check(self) -> None:
-        """No result is lost, none is taken twice, none is another's."""
+        """Asserts that no result was lost, taken twice, or taken for another part."""
         given, taken = self.given, self.program.taken
         assert taken == given[: len(taken)]
         assert len(given) - len(taken) <= 1
@@ -138,7 +138,7 @@ class Study:
         return hit
 
     def step(self) -> None:
-        """One cycle of the PLC and what the runtime does meanwhile."""
+        """Simulates one cycle of the PLC, and the runtime during the cycle."""
         self._now += CYCLE_S
         program = self.program
         if program.state == 0:
@@ -159,7 +159,7 @@ class Study:
             self._writes.extend([image] * (1 + self._hits("doubled")))
 
     def _execute(self) -> None:
-        """Execute what was written, in its order; some of it later."""
+        """Executes writes in their order; some stay for a later cycle."""
         while self._writes and (len(self._writes) > MOST_UNDER_WAY or not self._hits("late")):
             assert self.station.write(WRITTEN_AT, self._writes.popleft(), self._now) is None
 
@@ -173,7 +173,7 @@ class Study:
             self.station.finish(Answer(1, x=x))
 
     def _read(self) -> None:
-        """Ask for the registers; take what has come back, unless something newer came before."""
+        """Requests the registers, and takes the answers that arrive, unless a newer one was taken before."""
         words = self.station.read(READ_AT, _LENGTH, self._now)
         assert isinstance(words, list)
         self._number += 1
@@ -203,7 +203,7 @@ class Study:
             self._restart()
 
     def _restart(self) -> None:
-        """The PLC starts anew: it waits for what is under way, takes what it has not, and goes on."""
+        """Restarts the PLC; it continues with the part under way or with a result that it has not taken."""
         program = self.program
         program.restart()
         words = self.station.read(READ_AT, _LENGTH, self._now)

@@ -1,4 +1,4 @@
-"""Parts to squeeze, shared by tests and benches, each with what is odd about it.
+"""Parts to squeeze, shared by tests and benchmarks; docstrings say what is special about each.
 
 Outlines are counter-clockwise, in mm, with their area centroid at the origin.
 """
@@ -20,9 +20,9 @@ from planner.part.pressure import Pressure, support
 JAWS = Jaws(85.0, 27.5, 9.5, 0.5)
 """The paper's gripper."""
 ENCODER = Encoder(85.0, 227, 0.15)
-"""The 2F-85's: opening [mm], steps and noise [mm]."""
+"""The encoder of the 2F-85: opening [mm], steps and noise [mm]."""
 LONG_JAWS = JAWS._replace(length_mm=400.0)
-"""Fingers longer than any part: nothing reaches their ends."""
+"""Jaws with fingers longer than any part: no part reaches their ends."""
 
 
 def rectangle() -> np.ndarray:
@@ -95,7 +95,10 @@ OUTLINES: dict[str, Callable[[], np.ndarray]] = {
 def random_star(
     rng: np.random.Generator, vertices: int, smallest: float = 6.0, largest: float = 24.0
 ) -> np.ndarray:
-    """Star-shaped polygon, vertices that far from its middle: simple, mostly concave, some corners sharp."""
+    """A random star-shaped polygon: simple, mostly concave, with some sharp corners.
+
+    The vertices lie between `smallest` and `largest` [mm] from its middle.
+    """
     gaps = rng.dirichlet(np.full(vertices, 4.0)) * math.tau
     angles = rng.uniform(0, math.tau) + np.cumsum(gaps)
     radius = rng.uniform(smallest, largest, vertices)
@@ -133,7 +136,7 @@ def simulator(
     workers: int = 1,
     surface: LimitSurface | None = None,
 ) -> Simulator:
-    """A simulator of that part on evenly spread pressure."""
+    """A simulator of a part, by default with pressure spread evenly along the outline."""
     return Simulator(
         outline=outline,
         surface=surface or boundary_surface(outline),
@@ -148,7 +151,7 @@ def simulator(
 def rolled(
     outline: np.ndarray, n: int, radius: float, seed: int, surface: LimitSurface | None = None
 ) -> RollOut:
-    """Squeezes of at most n parts about the hand, of those that no open finger stands on."""
+    """Squeezes parts at n random poses about the hand, without those that an open finger would stand on."""
     part, rng = simulator(outline, workers=2, surface=surface), np.random.default_rng(seed)
     poses = random_poses(rng, n, radius)
     poses = poses[classify_contact(part.outline, part.jaws, poses) != STANDS_ON]
@@ -173,7 +176,7 @@ def finger_box(finger: int, face: float) -> shapely.Polygon:
 
 
 def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
-    """How deep a vertex of the part is in the finger, or a finger's corner in the part, by shapely, mm."""
+    """Greatest depth of a vertex of the part in the finger, or of a finger's corner in the part [mm]."""
     part, depths = shapely.Polygon(points), [0.0]
     for shape, inner in ((box, points), (part, shapely.get_coordinates(box)[:4])):
         inside = shapely.points(inner[shapely.contains_xy(shape, inner[:, 0], inner[:, 1])])
@@ -182,11 +185,11 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
 
 
 def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float) -> float:
-    """Deepest overlap of a part with either finger, of jaws that are `width` apart, in mm."""
+    """Deepest overlap of a part with either finger of jaws that are `width` apart [mm]."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2)) for f in (1, -1))
 
 
 def diameter(outline):
-    """Largest distance of two of its points [mm]."""
+    """Largest distance between two vertices of an outline [mm]."""
     return float(pdist(outline).max())

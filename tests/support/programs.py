@@ -1,4 +1,4 @@
-"""The project's programs as tests run them, in this process or as others, and waiting for what they do."""
+"""Runs the project's programs for tests, in this process or in others, and waits for conditions."""
 
 import contextlib
 import importlib.util
@@ -24,7 +24,11 @@ T = TypeVar("T")
 
 
 def until(holds: Callable[[], T], what: object = "", pause_s: float = 0.01) -> T:
-    """The first true value of a condition; fails with `what` if there is none within `WAIT_S`."""
+    """Waits until a condition returns a true value, and returns it.
+
+    Raises:
+        AssertionError: there was none within `WAIT_S`; the message names `what`.
+    """
     end = time.monotonic() + WAIT_S
     while not (result := holds()):
         assert time.monotonic() < end, f"not within {WAIT_S:g} s: {what}"
@@ -33,7 +37,7 @@ def until(holds: Callable[[], T], what: object = "", pause_s: float = 0.01) -> T
 
 
 def module_at(path: Path) -> ModuleType:
-    """The module in a file that belongs to no package."""
+    """Imports and returns the module of a file that belongs to no package."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
@@ -43,10 +47,10 @@ def module_at(path: Path) -> ModuleType:
 
 
 class Closing:
-    """What is closed at the end of a `with`."""
+    """A base class of objects that are closed at the end of a `with`."""
 
     def close(self) -> None:
-        """Free what is held."""
+        """Frees the resources of the object; does nothing here."""
 
     def __enter__(self) -> Self:
         return self
@@ -64,12 +68,12 @@ class Ended(NamedTuple):
 
     @property
     def one_line(self) -> bool:
-        """Whether all that it says of an error is a line."""
+        """Whether standard error is a single line, not a traceback."""
         return self.err.count("\n") == 1 and "Traceback" not in self.err
 
 
 def called(main: Callable[[list[str]], Any], *words: object) -> Ended:
-    """How a program ends in this process."""
+    """Calls the main function of a program in this process; returns how it ended."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
@@ -80,20 +84,20 @@ def called(main: Callable[[list[str]], Any], *words: object) -> Ended:
 
 
 def document(main: Callable[[list[str]], Any], *words: object) -> Any:
-    """What a program prints as JSON; it ends with 0."""
+    """Calls the main function of a program; returns the JSON that it prints, and asserts exit code 0."""
     ended = called(main, *words)
     assert ended.code == 0, ended
     return json.loads(ended.out)
 
 
 def started(words: Iterable[object], **options: Any) -> "subprocess.Popen[str]":
-    """A process whose output goes to pipes, unless options of `Popen` say otherwise."""
+    """Starts a process whose output goes to pipes, unless options of `Popen` say otherwise."""
     streams = {"cwd": ROOT, "text": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen([str(word) for word in words], **(streams | options))
 
 
 def ended(words: Iterable[object], **options: Any) -> Ended:
-    """How a process ends, killed after `WAIT_S`; with options of `subprocess.run`."""
+    """Runs a process until it ends, `WAIT_S` at most; takes options of `subprocess.run`."""
     usual = {"cwd": ROOT, "text": True, "capture_output": True, "timeout": WAIT_S, "check": False}
     done = subprocess.run([str(word) for word in words], **(usual | options))
     return Ended(done.returncode, done.stdout, done.stderr)

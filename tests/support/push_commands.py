@@ -1,4 +1,4 @@
-"""`plan-simulate --push` on a block, in process: files in, files out."""
+"""Runs `plan-simulate --push` on a triangular block, in this process."""
 
 import csv
 import io
@@ -17,12 +17,12 @@ goal = { distance_mm = 3, confidence = 0.9 }
 pressure = { kind = "points", points_mm = [[30, 30], [90, 30], [30, 90]] }
 """
 HEADER = "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg"
-STRAIGHT = "50,0,0,2,-5000,0,0.4"  # a wide turn: 35 mm up, nearly straight
+STRAIGHT = "50,0,0,2,-5000,0,0.4"  # a turn about a far centre: 35 mm along y, nearly straight
 OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg", "status"]
 
 
 def run(folder, text, *options, job=JOB):
-    """Exit code, lines of the result, standard output and standard error."""
+    """Pushes along the paths of `text`; returns exit code, rows of the result, output and error output."""
     (folder / "job.toml").write_text(job)
     (folder / "in.csv").write_text(text)
     result = folder / "out.csv"

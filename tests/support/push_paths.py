@@ -17,7 +17,7 @@ def joined(many):
 
 
 def random_paths(outline, rng, count):
-    """Pushes with two fingers on random edges, each about a random centre or along a random way."""
+    """Paths of two points that touch a random edge, and turn about a random centre or move straight."""
     result = []
     while len(result) < count:
         k = rng.integers(len(outline))

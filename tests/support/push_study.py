@@ -1,6 +1,6 @@
-"""Pushes by hand that must not hang on how they are computed: variants of one study, for a test and a bench.
+"""Computes the same pushes by hand in several variants, whose results should agree.
 
-Each variant pushes the same parts with the same mechanics along the same way, computed otherwise.
+Each variant pushes the same parts with the same mechanics along the same way.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,8 @@ from planner.part.outline import reach
 WAY_MM, FIRST_MM = 40.0, 25.0
 CLOSE_MM, CLOSE_RAD = 0.5, 0.02
 ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1
-"""Largest share of pushes that may end elsewhere, and with other steps; largest overlap with the fingers."""
-OPENINGS = (0.0, 1.0, 12.0, 21.25, 42.5)  # of the jaws [mm]
+"""Largest share of pushes that may end elsewhere, the same for other steps, and largest overlap."""
+OPENINGS = (0.0, 1.0, 12.0, 21.25, 42.5)  # openings of the jaws [mm]
 
 
 def of_tree(name: str) -> np.ndarray:
@@ -35,7 +35,7 @@ SHAPES |= {name: partial(of_tree, name) for name in OF_TREES}
 
 
 def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (n, 3) of parts strewn before a hand, in its frame at the start, and its openings (n,)."""
+    """Random poses (n, 3) of parts in front of a hand, in the hand's frame, and openings (n,) of the jaws."""
     rng = np.random.default_rng(seed)
     ahead = JAWS.length_mm / 2 + reach(outline) + rng.uniform(0.1, 8.0, n)
     poses = np.column_stack([ahead, rng.uniform(-15.0, 15.0, n), rng.uniform(-np.pi, np.pi, n)])
@@ -45,20 +45,20 @@ def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.nd
 def pushed(
     part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int
 ) -> np.ndarray:
-    """Where parts end that a hand pushes, each with the mechanics that the seed draws for it."""
+    """Final poses (n, 3) of parts that a hand pushes, with mechanics that the seed determines."""
     ways, rng = np.full(len(poses), way_mm), np.random.default_rng(seed)
     return part.push_by_hand(poses, opening, ways, rng)
 
 
 def divided(outline: np.ndarray) -> np.ndarray:
-    """The same outline with its edges cut into three: vertices that change nothing."""
+    """The same outline with each edge cut into three, by vertices that do not change the shape."""
     edges = np.roll(outline, -1, axis=0) - outline
     cuts = [outline + k / 3 * edges for k in range(3)]
     return np.concatenate(cuts, axis=1).reshape(-1, 2)
 
 
 def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> np.ndarray:
-    """The same way in two pushes."""
+    """Final poses (n, 3) after the same way in two pushes."""
     there = np.array([FIRST_MM, 0.0, 0.0])
     halfway = pushed(part, poses, opening, FIRST_MM, seed) - there
     return pushed(part, halfway, opening, WAY_MM - FIRST_MM, seed) + there
@@ -67,7 +67,7 @@ def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -
 def variants(
     part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int
 ) -> dict[str, np.ndarray]:
-    """Where the parts end (n, 3), by what is done otherwise; `as it is` is the reference."""
+    """Final poses (n, 3) of the parts by the name of the variant; "as it is" is the reference."""
 
     def whole(ours: Simulator, start: np.ndarray = poses) -> np.ndarray:
         return pushed(ours, start, opening, WAY_MM, seed)
@@ -84,20 +84,20 @@ def variants(
 
 
 def differ(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Which (n,) poses are farther apart than `CLOSE_MM` or `CLOSE_RAD`."""
+    """Mask (n,) of poses that differ by more than `CLOSE_MM` or `CLOSE_RAD`."""
     off = others - ends
     turned = np.abs(np.remainder(off[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
     return (np.hypot(off[:, 0], off[:, 1]) > CLOSE_MM) | (turned > CLOSE_RAD)
 
 
 def fingers_at(opening_mm: float, way_mm: float) -> shapely.Geometry:
-    """The fingers of a hand that has gone so far."""
+    """The outlines of the fingers of a hand that has moved by `way_mm`."""
     inner, outer, h = opening_mm / 2, opening_mm / 2 + JAWS.thickness_mm, JAWS.length_mm / 2
     return shapely.union_all(shapely.box(way_mm - h, [inner, -outer], way_mm + h, [outer, -inner]))
 
 
 def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.ndarray:
-    """Area (n,) that parts share with the fingers at the end [mm^2]."""
+    """Areas (n,) in which parts at the poses `ends` overlap the fingers after the push [mm^2]."""
     hands = {value: fingers_at(value, WAY_MM) for value in np.unique(opening)}
     parts = [shapely.Polygon(place(outline, pose)) for pose in ends]
     pairs = zip(parts, opening, strict=True)

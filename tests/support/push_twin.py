@@ -1,8 +1,8 @@
-"""A second push simulator: slow, obvious, and built another way than the kernels.
+"""A second push simulator: slow, simple, and independent of the kernels.
 
-An ordinary differential equation in the share of the path, as in `twin`: at every pose shapely finds where
-the pusher's points, or the round tips about them, are about to touch, and the velocity follows from trying
-all modes of contact. Meant for convex polygons of few vertices. Shares no code with `planner.mechanics`.
+It solves an ordinary differential equation in the share of the path, as `twin` does: at every pose shapely
+finds where the pusher's points or round tips are about to touch, and the velocity is that of a consistent
+mode of contact. Meant for convex polygons of few vertices. Shares no code with `planner.mechanics`.
 """
 
 import math
@@ -26,7 +26,7 @@ def push(
     shift: np.ndarray,
     radius: float = 0.0,
 ) -> np.ndarray:
-    """The pose (3,) of the part, from (0, 0, 0), after a pusher with points (K, 2) went its way."""
+    """Final pose (3,) of a part that starts at (0, 0, 0) and is pushed by points (K, 2) along a path."""
 
     def velocity(share: float, q: np.ndarray) -> np.ndarray:
         c, s = math.cos(share * angle), math.sin(share * angle)
@@ -46,7 +46,7 @@ def push(
 
 
 def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:
-    """Gap, nearest boundary point and normal into the part, where the point is near or inside."""
+    """Gap, nearest boundary point and inward normal, for a point that is near the part or in it."""
     boundary, here = part.exterior, shapely.Point(point)
     touched = np.array(boundary.interpolate(boundary.project(here)).coords[0])
     outside = -1.0 if part.contains(here) else 1.0

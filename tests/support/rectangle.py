@@ -9,7 +9,7 @@ TEXT = JOB_PATH.read_text(encoding="utf-8")
 
 
 CERTAIN = ("chance = 0.8", "chance = 0.0")
-"""The passage that doubts the cell, and one that does not."""
+"""The passage of the job that states doubts about the cell, and a replacement without doubts."""
 
 
 def edited(old: str, new: str) -> str:
@@ -19,7 +19,7 @@ def edited(old: str, new: str) -> str:
 
 
 def quick_job(path: Path, search: str, *change: str) -> Path:
-    """A file of the job with what it says of its search, and at most one passage replaced."""
+    """Writes the job with the lines `search` in a section [search] and at most one passage replaced."""
     text = edited(*change) if change else TEXT
     path.write_text(f"{text}\n[search]\n{search}\n", encoding="utf-8")
     return path

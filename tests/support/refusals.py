@@ -1,4 +1,4 @@
-"""What is refused at an edge, and allowed on the other side of it."""
+"""Contexts for tests of limits: a value is refused on one side of a limit, and allowed on the other."""
 
 from contextlib import contextmanager, nullcontext
 
@@ -6,13 +6,13 @@ import pytest
 
 
 def refusal(error, match, *, unless):
-    """A context in which an error is raised, or none where the edge is kept."""
+    """A context that expects an error, or no error if `unless` is true."""
     return nullcontext() if unless else pytest.raises(error, match=match)
 
 
 @contextmanager
 def refused_in_a_line(error, match=None):
-    """A context in which an error is raised whose message is a line."""
+    """A context that expects an error whose message is a single line."""
     with pytest.raises(error, match=match) as raised:
         yield raised
     assert "\n" not in str(raised.value)

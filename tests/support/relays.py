@@ -1,4 +1,4 @@
-"""Relays that count the calls of a run to its devices, and at one of them change what comes back."""
+"""Relays between a run and its devices, which count calls, and change the answers from one call on."""
 
 import contextlib
 import os
@@ -12,15 +12,16 @@ from typing import NamedTuple
 
 MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
 SLOW_S, DRIP_S = 0.2, 0.1
-# What a device sends without an end: at most 64 kB in 5 ms, or its relay and the run's reader fill two cores.
+# Bytes of an endless device. More than 64 kB in 5 ms would occupy two cores, by relay and run.
 FLOOD, FLOOD_S = os.urandom(1 << 16), 0.005
 
 
 class Case(NamedTuple):
-    """Which device changes how, at which of the run's calls to it.
+    """A device, the mode into which it changes, and the call of the run at which it changes.
 
-    How often a run polls depends on the machine's load, so a call is named by its row and its number there,
-    both from 0 (see `Rows`); where the row has fewer, it is the first call after them.
+    How often a run polls depends on the machine's load. Therefore a call is identified by its row (see
+    `Rows`) and its number in the row, both from 0. If the row has fewer calls, the device changes at the
+    first call of the next row.
     """
 
     device: str
@@ -30,36 +31,36 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A call and the polls after it that repeat, in a cycle, what was asked before.
+    """A call and the polls after it, which repeat earlier requests in a cycle.
 
     Attributes:
-        calls: how many, with the first.
-        cycle: how many calls ask everything once.
+        calls: number of calls in the row, the first included.
+        cycle: number of calls in a cycle.
     """
 
     calls: int
     cycle: int
 
     def polls(self) -> list[int]:
-        """Numbers of the first call and of the first and the last cycle of polls after it."""
+        """Numbers of the calls in the row that are the first, in the first cycle or in the last cycle."""
         ends = (*range(1 + self.cycle), *range(self.calls - self.cycle, self.calls))
         return sorted({poll for poll in ends if 0 <= poll < self.calls})
 
 
 class Rows:
-    """Calls in rows: one begins with each call that asks what the polls before it did not.
+    """Groups calls into rows: a call that does not continue the cycle of polls before it begins a new row.
 
     Attributes:
-        rows: all of them, the last one still growing.
+        rows: all rows; the last one still grows.
     """
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
         self._asked: list[bytes] = []
-        self._next = -1  # of the cycle that repeats, negative: none does yet
+        self._next = -1  # position in the cycle that repeats; negative: no cycle repeats yet
 
     def add(self, asked: bytes) -> None:
-        """Count a call."""
+        """Adds a call with the request `asked` to the last row or to a new one."""
         if self._repeats(asked):
             self.rows[-1] = Row(self.rows[-1].calls + 1, len(self._asked))
         else:
@@ -80,7 +81,7 @@ class Rows:
 
 
 class Hindrance:
-    """Counts calls; from the case's call on its mode holds."""
+    """Counts calls; from the call of the case on, the mode of the case holds."""
 
     def __init__(self, case: Case | None) -> None:
         self.case = case
@@ -89,12 +90,12 @@ class Hindrance:
 
     @property
     def rows(self) -> list[Row]:
-        """The calls so far."""
+        """The rows of the calls so far."""
         return self._calls.rows
 
     def heard(self, data: bytes) -> str:
-        """Count a call; returns the mode that holds now, empty for none."""
-        # Of Modbus TCP without the transaction's number, which differs where the same is asked.
+        """Counts a call; returns the mode that holds now, empty for none."""
+        # Without the transaction number of Modbus TCP, in which equal requests differ.
         self._calls.add(data[2:] if data[2:4] == b"\0\0" else data)
         at = (len(self.rows) - 1, self.rows[-1].calls - 1)
         if self.case is None or at < (self.case.row, self.case.poll):
@@ -105,12 +106,12 @@ class Hindrance:
 
     @property
     def mode(self) -> str:
-        """The mode that holds."""
+        """The mode that holds now, empty for none."""
         return "" if self.began_s is None or self.case is None else self.case.mode
 
 
 class Relay:
-    """Bytes between a run and one device, both ways, until it is closed."""
+    """Transfers bytes between a run and one device, in both directions, until it is closed."""
 
     def __init__(self, hindrance: Hindrance) -> None:
         self._hindrance = hindrance
@@ -128,10 +129,10 @@ class Relay:
         raise NotImplementedError
 
     def _stop_flow(self) -> None:
-        """Take nothing any more."""
+        """Makes the run unable to send; does nothing here."""
 
     def _relay(self, run: int, device: int) -> None:
-        """Relay between two descriptors until one hangs up."""
+        """Transfers bytes between two descriptors until one hangs up."""
         while not self._closed.is_set():
             mode = self._hindrance.mode
             if mode == "gone":
@@ -154,7 +155,7 @@ class Relay:
                 self._answer(run, data, mode)
 
     def _flood(self, run: int) -> None:
-        """Send as many bytes as go without waiting."""
+        """Sends as many bytes as the run accepts without waiting."""
         os.set_blocking(run, False)
         with contextlib.suppress(BlockingIOError):
             os.write(run, FLOOD)
@@ -171,7 +172,7 @@ class Relay:
 
 
 class TcpRelay(Relay):
-    """In front of a TCP port."""
+    """A relay in front of a TCP port."""
 
     def __init__(self, hindrance: Hindrance, place: tuple[str, int], port: int = 0) -> None:
         super().__init__(hindrance)
@@ -193,7 +194,7 @@ class TcpRelay(Relay):
 
 
 class TtyRelay(Relay):
-    """In front of a pseudo-terminal."""
+    """A relay in front of a pseudo-terminal."""
 
     def __init__(self, hindrance: Hindrance, path: str) -> None:
         super().__init__(hindrance)

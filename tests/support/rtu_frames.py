@@ -4,6 +4,6 @@ from drivers.sim.wire.modbus import crc16
 
 
 def rtu_frame(text: str) -> bytes:
-    """A frame with the CRC that belongs to it."""
+    """The frame of a unit and PDU in hexadecimal, with its CRC."""
     body = bytes.fromhex(text)
     return body + crc16(body)

@@ -1,4 +1,4 @@
-"""Journals for tests: chained as the runtime chains them, written here from their specification alone."""
+"""Writes journals for tests from their specification, without the code of the runtime."""
 
 import base64
 import hashlib
@@ -9,7 +9,10 @@ STAMP = "2026-01-02T03:04:05.000Z"
 
 
 def chained(entries, stamp=STAMP):
-    """The lines of a journal, as bytes; an entry keeps its time, and a sequence number that is none."""
+    """The lines of a journal with these entries, chained by digests, as bytes.
+
+    An entry keeps a time of its own, and a sequence number that is not an integer.
+    """
     previous, lines = GENESIS, []
     for number, entry in enumerate(entries):
         odd = {"seq": entry["seq"]} if type(entry.get("seq", 0)) is not int else {}
@@ -22,7 +25,7 @@ def chained(entries, stamp=STAMP):
 
 
 def header(table):
-    """The first record of a run of a table's bytes."""
+    """The first record of a run with a table, given as bytes."""
     return {
         "kind": "header",
         "table_sha256": hashlib.sha256(table).hexdigest(),
@@ -31,7 +34,7 @@ def header(table):
 
 
 def part(number, squeezes, outcome, leaf=None, reason=None):
-    """The records of one part; squeezes are (node, width in um, target)."""
+    """The records of one part; each squeeze is (node, width [um], target)."""
     names = ("node", "width_um", "target")
     steps = [
         {"kind": "squeeze", "part": number, **dict(zip(names, squeeze, strict=True))}

@@ -1,4 +1,4 @@
-"""`grasp-runtime --port sim` on a cell that runs already: its endpoints are the JSON object in `CELL`."""
+"""`grasp-runtime --port sim` on a running cell, whose endpoints are a JSON object in the variable `CELL`."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from runtime.devices.cell_process import Endpoints
 
 
 class RunningProcess:
-    """The cell that a run would have started."""
+    """Stands for the cell process that the run would start."""
 
     def __init__(self, *_: Any, **__: Any) -> None:
         endpoints = json.loads(os.environ["CELL"])
@@ -21,7 +21,7 @@ class RunningProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """It stays."""
+        """Does nothing: the cell keeps running."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""`grasp-cell` and the commands of the cell as processes: real bytes, real files, real signals."""
+"""`grasp-cell` and the commands of the cell as processes, for tests with real bytes, files and signals."""
 
 import json
 import os
@@ -14,12 +14,12 @@ CALIBRATE = (sys.executable, "-c", "import sys, runtime.cli as cli; sys.exit(cli
 
 
 class RunningCell(Closing):
-    """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it.
+    """`grasp-cell` as a process, faster than real time; its world is the rehearsal.
 
     With seed 0 the first part takes both squeezes of the small table.
 
     Attributes:
-        endpoints: where its devices are.
+        endpoints: the addresses of the cell's devices, by name.
     """
 
     def __init__(self, tree: Path, *more: str, time_scale: float = 12) -> None:
@@ -37,7 +37,7 @@ class RunningCell(Closing):
 
 
 class Notices:
-    """What a run tells the service manager, `READY=1` and its phases, to know where it is."""
+    """Receives what a run reports to the service manager: `READY=1` and its phases."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "notify"
@@ -46,11 +46,11 @@ class Notices:
 
     @property
     def environment(self) -> dict[str, str]:
-        """A process's own, that tells us."""
+        """The environment of a process that reports here."""
         return {**os.environ, "NOTIFY_SOCKET": str(self.path)}
 
     def wait(self, text: str, process: "subprocess.Popen[str]") -> bool:
-        """Wait until it tells so; False: it ended before."""
+        """Waits until the process reports a text; returns False if the process ends before."""
         until = time.monotonic() + WAIT_S
         self._socket.settimeout(0.05)
         while time.monotonic() < until:
@@ -63,19 +63,19 @@ class Notices:
         raise TimeoutError(f"{text} was not told within {WAIT_S} s")
 
     def close(self) -> None:
-        """Forget it."""
+        """Closes and removes the socket."""
         self._socket.close()
         self.path.unlink()
 
 
 def runtime_command(tree: Path, cell: RunningCell, journal: Path, *more: str) -> list[str]:
-    """`grasp-runtime` on a running cell."""
+    """The command of `grasp-runtime` on a running cell."""
     words = [*RUNTIME, "--tree", str(tree), "--activate", "--tips", "straight"]
     words += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
     return [*words, "--journal", str(journal), *more]
 
 
 def calibrate_command(cell: RunningCell, output: Path, *more: str) -> list[str]:
-    """`grasp-calibrate width` on a running cell."""
+    """The command of `grasp-calibrate width` on a running cell."""
     words = [*CALIBRATE, "width", "--port", cell.endpoints["gripper"]]
     return [*words, "--gripper", "S/N-1", "-o", str(output), *more]

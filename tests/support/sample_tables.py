@@ -36,7 +36,7 @@ TIGHT = Covariance(2, 0, 2, 0, 0, 1)
 
 
 def small_table() -> Table:
-    """Two squeezes of a rectangle: across, and if that is ambiguous along.
+    """Two squeezes of a rectangle: across, and if the width is ambiguous, along.
 
     ```
     node 0 (0 deg)  -> 20..22 mm: leaf 0
@@ -60,7 +60,7 @@ def small_table() -> Table:
 
 
 def two_squeeze_table() -> Table:
-    """The small table, whose parts nearly always take both squeezes and are located."""
+    """The small table with probabilities by which nearly all parts take both squeezes and are located."""
     table = small_table()
     shares = ((1, 999_999), (999_999, 1))
     for index, (node, likely) in enumerate(zip(table.nodes, shares, strict=True)):
@@ -71,7 +71,7 @@ def two_squeeze_table() -> Table:
 
 
 def table_for(model: str) -> Table:
-    """Two squeezes of a rectangle by a gripper that opens fully and presses with 40 N, or its least."""
+    """The small table for a gripper model, which opens fully and presses with 40 N or its least force."""
     table, profile = small_table(), profile_of(model)
     force_mn = round(1000 * max(40.0, profile.force_n[0]))
     squeezes = (node.squeeze for node in table.nodes)
@@ -88,7 +88,7 @@ OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
 
 
 def several_table() -> Table:
-    """The small table, its leaves naming one part, the other, and an open choice."""
+    """The small table for two parts: leaves 0 and 1 each state one of them, leaf 2 leaves both open."""
     one, two, unresolved = small_table().leaves
     unresolved = unresolved._replace(alternatives=(LeafPose(400, 0, -643_000),), hypothesis=1)
     leaves = (one, two._replace(hypothesis=1), unresolved)
@@ -102,7 +102,7 @@ PUSHES = (
 
 
 def pushing_table(table: Table | None = None) -> Table:
-    """The small table, or another; the hand pushes once before its first squeeze, twice before the second."""
+    """A table, by default the small one, with a push before the first squeeze and two before the second."""
     table = table or small_table()
     root, second, *others = table.nodes
     nodes = (root._replace(pushes=PUSHES[:1]), second._replace(pushes=PUSHES), *others)
@@ -110,7 +110,7 @@ def pushing_table(table: Table | None = None) -> Table:
 
 
 def every_field_table() -> Table:
-    """The small table of another goal, with a release, alternatives, a first contact and a job."""
+    """The small table with another goal, a release, alternatives, a first contact and an embedded job."""
     table = with_job(small_table(), '{"seed":1}')
     root, second = table.nodes
     squeeze = second.squeeze._replace(opening_um=60_000, force_mn=25_000)
@@ -129,7 +129,7 @@ def with_job(table: Table, job: str) -> Table:
 
 
 def changed(record: Any, values: Mapping[str, object]) -> Any:
-    """A record with other values at dotted paths of fields and indices, as `nodes.1.squeeze.x_um`."""
+    """A copy of a record with other values at dotted paths of fields and indices (`nodes.1.squeeze.x_um`)."""
     for path, value in values.items():
         record = _changed(record, path.split("."), value)
     return record
@@ -148,7 +148,10 @@ def _changed(record: Any, path: list[str], value: object) -> Any:
 
 
 def random_table(seed: int, nodes: int) -> Table:
-    """A table of so many nodes, numbered breadth first, with one to four branches each, which may overlap."""
+    """A random table of `nodes` nodes, numbered breadth first, each with one to four branches.
+
+    Branches may overlap.
+    """
     random = Random(seed)
     records: list[Node] = []
     leaves: list[Leaf] = []

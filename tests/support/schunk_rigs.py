@@ -1,4 +1,4 @@
-"""SCHUNK grippers, simulated: on a pseudo-terminal, and on a line in virtual time whose answers go astray."""
+"""Simulated SCHUNK grippers: on a pseudo-terminal, and in virtual time on a line that corrupts answers."""
 
 import math
 import random
@@ -20,7 +20,7 @@ from runtime.table import PROFILES
 
 
 class Part(Surroundings):
-    """Something between the fingers, or nothing; counts what happened to it."""
+    """A part between the fingers, or nothing if `width_mm` is None; counts grips and releases."""
 
     def __init__(self, width_mm=None):
         self.width_mm = width_mm
@@ -38,7 +38,7 @@ class Part(Surroundings):
 
 
 class SchunkRig(GripperRig):
-    """A gripper on a pseudo-terminal; it is patient, since wall time on a busy machine proves nothing."""
+    """A gripper on a pseudo-terminal; it tolerates any silence of its master, since machines may be busy."""
 
     contact_um = 21_370
 
@@ -64,7 +64,7 @@ class SchunkRig(GripperRig):
 
 
 class Line(line.Line):
-    """A line that does to its next answers what `mishaps` say, each a function of request and answer."""
+    """A line that replaces its next answers by the results of `mishaps`, functions of request and answer."""
 
     def __init__(self):
         super().__init__()
@@ -77,7 +77,7 @@ class Line(line.Line):
 
 
 class VirtualSchunk:
-    """A gripper and its driver in one thread on a virtual clock."""
+    """A gripper in this thread, on a virtual clock; `connect` returns its driver."""
 
     def __init__(self, model="schunk-egu", silence_s=SILENCE_S):
         self.clock = VirtualClock()

@@ -1,4 +1,4 @@
-"""`grasp-runtime` as a process that serves others, for tests."""
+"""`grasp-runtime` as a server process: as a decision server, or with a PLC as the master."""
 
 import json
 from pathlib import Path
@@ -7,18 +7,18 @@ from programs import RUNTIME, WAIT_S, Closing, started
 
 
 class ServedRun(Closing):
-    """A run that serves; `port` is where it answers, and its journal is in the folder.
+    """A run that answers at `port`.
 
     Args:
-        folder: for its journal and its output.
-        ready: words of the line that ends with the port.
-        words: of the command line, beside `--json` and `--journal`.
+        folder: folder for the run's journal and output.
+        ready: words of the line of standard error that ends with the port.
+        words: arguments of the command besides `--json` and `--journal`.
     """
 
     def __init__(self, folder: Path, ready: str, *words: str) -> None:
         self.journal, self._output = folder / "journal.jsonl", folder / "output.jsonl"
         words = (*RUNTIME, "--json", "--journal", str(self.journal), *words)
-        with self._output.open("w") as output:  # a pipe that is not read would hold it up
+        with self._output.open("w") as output:  # the run would block on a pipe that is not read
             self.process = started(words, stdout=output)
         assert self.process.stderr is not None
         line = ""
@@ -30,7 +30,7 @@ class ServedRun(Closing):
         self.port = int(line.rpartition(":")[2])
 
     def ended(self) -> tuple[int, list[dict[str, object]], str]:
-        """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
+        """Waits until the run ends; returns its exit code, its parts and the rest of its standard error."""
         _, err = self.process.communicate(timeout=WAIT_S)
         parts = [json.loads(line) for line in self._output.read_text().splitlines()]
         return self.process.returncode, parts, err

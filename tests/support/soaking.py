@@ -1,4 +1,4 @@
-"""`tools/soak` as tests run it: on the small table, in a rehearsal."""
+"""`tools/soak` for tests: with the small table, in the world of the rehearsal."""
 
 import importlib
 import sys
@@ -18,7 +18,7 @@ soak_run = importlib.import_module("soak_run")
 
 
 def small_setting(table: Table | None = None) -> Setting:
-    """A rehearsal of the small table, or of another."""
+    """The setting of the rehearsal for a table; default: the small one."""
     table = table or small_table()
     return Setting(table, table_geometry(table), REHEARSAL[1], rehearsal.make)
 
@@ -27,5 +27,5 @@ HANDLED = (RunOptions(),)
 
 
 def small_soak(parts=1, *, faults=False, handled=HANDLED, table: Table | None = None):
-    """Runs of that many parts."""
+    """A soak test with `parts` parts in each run."""
     return soak_run.Soak(small_setting(table), table or small_table(), faults, parts, handled)

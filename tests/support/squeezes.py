@@ -1,4 +1,4 @@
-"""Squeezes on a fake cell: what the jaws meet, the run of a part, and what was asked of the jaws."""
+"""Runs parts on a fake cell, with what the jaws meet, and lists the commands to jaws and arm."""
 
 from counting import SETTINGS, count_of
 from fake_cell import Deaf, FakeCell, State, fake_cell
@@ -14,7 +14,7 @@ CONTACT, ARRIVED = 2, 3
 WIDTHS = (21_000, 30_000, 36_000, 60_000)
 AT_21, AT_30, AT_36, AT_60 = ((count_of(width), CONTACT) for width in WIDTHS)
 EMPTY = (229, ARRIVED)
-CLOSED = (229, CONTACT)  # on something thinner than a count
+CLOSED = (229, CONTACT)  # the jaws hold something thinner than a count
 ARC = TipArc()
 
 
@@ -27,7 +27,7 @@ def run(
 
 
 def meeting(stop: int) -> FakeCell:
-    """A cell whose jaws meet the part at a count, whatever they are asked to close to."""
+    """A fake cell whose jaws stop at a part at the count `stop`, if they are commanded to close further."""
     rig = fake_cell([])
 
     def meet(width_um: int, speed_mm_s: float, force_n: float) -> None:

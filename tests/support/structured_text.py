@@ -1,8 +1,8 @@
 """An interpreter of structured text, on the syntax tree of the parser blark.
 
-Only what plan-export writes and the client in tools/docs/clients use is understood, and it is stricter than a
-controller: both sides of AND and OR are computed; an index outside of its array, a number outside of its
-type, a text longer than its variable or an unknown name is an error.
+It understands only what plan-export writes and what the clients in tools/docs/clients use. It is stricter
+than a controller: both sides of AND and OR are computed, and an index outside of its array, a number outside
+of its type, a text longer than its variable or an unknown name is an error.
 """
 
 import operator
@@ -38,7 +38,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "STRING_TO_REAL": float,
     "DINT_TO_STRING": str,
 }
-"""Of IEC 61131-3; positions count from 1, and 0 is nowhere."""
+"""Functions of IEC 61131-3; positions count from 1, and FIND returns 0 if there is no match."""
 INTEGERS = {"INT": 2**15, "DINT": 2**31}
 FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
 BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT}
@@ -49,13 +49,15 @@ NARROWED = {
     '| array_initial_element ( "," array_initial_element )*         -> bare_array_initialization': "",
     "| _array_initial_element\n\n": "| integer_literal\n\n",
 }
-"""Rules of blark's grammar, and what stands for them here: arrays without brackets take cubic time to parse,
-those of expressions most of the rest."""
+"""Rules of blark's grammar with simpler replacements, which save most of the time of parsing.
+
+Arrays without brackets take cubic time, and arrays of expressions most of the rest.
+"""
 
 
 @cache
 def parser() -> Lark:
-    """The parser of structured text whose arrays are integers in brackets."""
+    """The parser of structured text, extended by array values that are integers in brackets."""
     grammar = blark.GRAMMAR_FILENAME.read_text()
     for general, narrow in NARROWED.items():
         assert grammar.count(general) == 1
@@ -83,7 +85,7 @@ class FunctionBlock:
         self._body = block.body
 
     def __call__(self, **inputs: Any) -> dict[str, Any]:
-        """Call the block; returns its outputs."""
+        """Calls the block with inputs; returns its outputs."""
         assert set(inputs) == set(self.names[INPUT])
         self.values |= {name: _fitted(self._kinds[name], value) for name, value in inputs.items()}
         self._run(self._body)
@@ -101,7 +103,7 @@ class FunctionBlock:
                 self._constants.add(name)
 
     def _first(self, item: Any) -> tuple[str, Any]:
-        """The type of a variable, or of an array's elements, and the value that it begins with."""
+        """The type of a variable (of its elements, if it is an array), and its initial value."""
         kind = str(item.init.spec.type)
         first = FIRST[kind.partition("[")[0]]
         if isinstance(item, st.ArrayVariableInitDeclaration):
@@ -118,11 +120,11 @@ class FunctionBlock:
         return kind, _fitted(kind, self._value(item.init.value))
 
     def _run(self, statements: Any) -> bool:
-        """Execute a list of statements; whether it ended with EXIT."""
+        """Executes a list of statements; returns whether it ended with EXIT."""
         return any(map(self._left, statements.statements if statements else ()))
 
     def _left(self, statement: Any) -> bool:
-        """Execute a statement; whether EXIT ends the statements that it stands among."""
+        """Executes a statement; returns whether EXIT ends the list of statements that contains it."""
         if isinstance(statement, st.ExitStatement):
             return True
         if isinstance(statement, st.IfStatement):
@@ -136,7 +138,7 @@ class FunctionBlock:
         return False
 
     def _chosen(self, statement: Any) -> Any:
-        """The statements that an IF comes to."""
+        """The statements of the branch that an IF takes."""
         clauses = [(statement.if_expression, statement.statements)]
         clauses += [(other.if_expression, other.statements) for other in statement.else_ifs]
         for condition, inner in clauses:
@@ -194,7 +196,7 @@ class FunctionBlock:
         raise TypeError(f"{type(expression).__name__} is not in the subset")
 
     def _index(self, variable: Any) -> int:
-        """Of an element of an array."""
+        """The index of an element of an array."""
         ((subscript,),) = [element.subscripts for element in variable.elements]
         index = self._value(subscript)
         assert index >= 0, "an index below its array"
@@ -202,7 +204,7 @@ class FunctionBlock:
 
 
 def _fitted(kind: str, value: Any) -> Any:
-    """The value as a variable of a type holds it."""
+    """Checks that a value fits a variable's type, and returns it as the variable holds it."""
     base, _, length = kind.partition("[")
     assert type(value) is type(FIRST[base]), f"{value!r} is no {kind}"
     if base in INTEGERS:

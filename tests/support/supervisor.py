@@ -1,4 +1,4 @@
-"""A line's supervisor for tests: asyncua's client by the names of the address space, in calls that wait."""
+"""A supervisor of the line for tests: asyncua's client, with blocking calls by names of the address space."""
 
 import asyncio
 import threading
@@ -27,14 +27,14 @@ URI = "urn:line:supervisor"
 
 
 class Passport(NamedTuple):
-    """Files of a client's certificate (DER, alone in its folder) and key (PEM)."""
+    """Paths of a client's certificate (DER, the only file of its folder) and key (PEM)."""
 
     certificate: Path
     key: Path
 
 
 def passport(folder: Path, name: str) -> Passport:
-    """A new self-signed certificate."""
+    """Writes a new self-signed certificate and its key into a folder."""
     key = generate_private_key()
     names = [x509.UniformResourceIdentifier(URI), x509.DNSName("localhost")]
     use = [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -47,7 +47,7 @@ def passport(folder: Path, name: str) -> Passport:
 
 
 class Supervisor(Closing):
-    """A client that is connected; with a passport over the encrypted endpoint."""
+    """A connected client; with a passport it uses the encrypted endpoint."""
 
     def __init__(
         self, port: int, identity: Passport | None = None, *, patience_s: float = WAIT_S
@@ -66,7 +66,7 @@ class Supervisor(Closing):
             raise
 
     def _connects(self, identity: Passport | None) -> bool:
-        """Connect; False where nobody listens yet."""
+        """Connects; returns False if the server does not listen yet."""
         try:
             self.wait(self._connect(identity))
         except ConnectionRefusedError:
@@ -85,7 +85,7 @@ class Supervisor(Closing):
         self._index = await self.client.get_namespace_index(NAMESPACE)
 
     def wait(self, doing: Coroutine[Any, Any, Any]) -> Any:
-        """The result of what the client's loop does."""
+        """Runs a coroutine in the client's event loop; returns its result."""
         running: Future[Any] = asyncio.run_coroutine_threadsafe(doing, self._loop)
         return running.result(WAIT_S)
 
@@ -103,16 +103,16 @@ class Supervisor(Closing):
         return value.Text if isinstance(value, ua.LocalizedText) else value
 
     def until(self, path: str, value: object) -> None:
-        """Wait until a variable has a value."""
+        """Waits until the variable at a path has a value."""
         until(lambda: self[path] == value, f"{path} is {value}")
 
     def call(self, path: str, *inputs: object) -> Any:
-        """Call a method; returns its outputs."""
+        """Calls the method at a path; returns its outputs."""
         parent, _, name = path.rpartition("/")
         return self.wait(self.node(parent).call_method(f"{self._index}:{name}", *inputs))
 
     def follow(self) -> None:
-        """Keep the names of all transitions from now on in `events`."""
+        """Subscribes to transitions: `events` receives the names of all from now on."""
         self.wait(self._follow(self.node(MACHINE)))
 
     async def _follow(self, machine: Node) -> None:
@@ -120,22 +120,22 @@ class Supervisor(Closing):
         await subscription.subscribe_events(machine, ua.ObjectIds.TransitionEventType)
 
     def event_notification(self, event: Any) -> None:
-        """Called by asyncua."""
+        """Adds a transition to `events`; asyncua calls this."""
         self.events.append(event.Message.Text)
 
     def begin(self, recipe: str) -> None:
-        """Select the automatic mode and a recipe."""
+        """Selects the automatic mode and a recipe."""
         assert self.call(f"{MACHINE}/SelectModeAutomatic") == [0, ""]
         assert self.call(f"{RECIPES}/PrepareRecipe", recipe) == [0, ""]
 
     def start(self, meas_id: str) -> str:
-        """Start a job; returns its id."""
+        """Starts a job; returns its id."""
         job, error, message = self.call(f"{AUTOMATIC}/StartSingleJob", meas_id)
         assert error == 0, message
         return str(job)
 
     def result(self, job: str) -> dict[str, Any]:
-        """Wait for a job's result and get it."""
+        """Waits for the result of a job, and returns its fields by name."""
         self.until(f"{RESULTS}/ResultReady", True)
         names = [each.Name for each in self.wait(self._outputs())]
         return dict(zip(names, self.call(f"{RESULTS}/GetResultById", job), strict=True))
@@ -146,25 +146,25 @@ class Supervisor(Closing):
         return await (await parent.get_child("0:OutputArguments")).read_value()
 
     def release(self, handle: int) -> None:
-        """Release a result."""
+        """Releases a result."""
         given = ua.Variant(handle, ua.VariantType.UInt32)
         assert self.call(f"{RESULTS}/ReleaseResultHandle", given) == [0, ""]
 
     def part(self, meas_id: str) -> dict[str, Any]:
-        """A whole part."""
+        """Locates one part: starts a job, and gets and releases its result."""
         result = self.result(self.start(meas_id))
         self.release(result["ResultHandle"])
         return result
 
     def vanish(self) -> None:
-        """Break the connection without a word."""
+        """Breaks the connection without closing the session."""
         self._loop.call_soon_threadsafe(self.client.uaclient.protocol.transport.abort)
         self._end_loop()
 
     def close(self) -> None:
         if self._loop.is_closed():
             return
-        with suppress(Exception):  # of a server that is gone
+        with suppress(Exception):  # the server may have ended
             self.wait(self.client.disconnect())
         self._end_loop()
 

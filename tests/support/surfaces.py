@@ -1,4 +1,4 @@
-"""What tests ask of limit surfaces."""
+"""Limit surfaces and their measures for tests."""
 
 import numpy as np
 

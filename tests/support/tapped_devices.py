@@ -1,6 +1,6 @@
-"""A gripper on a pseudo-terminal and an open_abb server on a port that keep every byte they are sent.
+"""A gripper on a pseudo-terminal and an open_abb server on a port, which record every byte that they receive.
 
-No code of ours: what reaches the wire is judged by the manuals' frames alone.
+They use no code of this project, so that tests compare the bytes on the wire with the manuals alone.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import threading
 import tty
 
 READS, WRITES = {3, 4}, {5, 6, 15, 16, 22, 23}
-ACTIVE_OPEN = bytes((0xF9, 0, 0, 0, 3, 0))  # active, at the request, gPR 0, gPO 3
+ACTIVE_OPEN = bytes((0xF9, 0, 0, 0, 3, 0))  # active, at the requested position, gPR 0, gPO 3
 POWERED_UP = bytes((0, 0, 0, 0, 3, 0))
 PAYLOADS = {3: "10.00 20.00 60.00 0.000 1.000 0.000 0.000", 4: "0.00 0.00 0.00 0.00 90.00 180.00"}
 
@@ -26,7 +26,7 @@ def crc(data: bytes) -> bytes:
 
 
 class TappedGripper:
-    """Answers reads with one input block, at slave id 9; other slaves and every write meet silence."""
+    """A gripper with slave id 9 that answers each read with the same input block, and no other request."""
 
     unit = 9
 
@@ -51,7 +51,7 @@ class TappedGripper:
         os.close(self._slave)
 
     def hear(self, data: bytes) -> None:
-        """Bytes off the wire, as they come."""
+        """Records bytes in the order in which they arrive."""
         self.heard += data
 
     def _serve(self) -> None:
@@ -73,7 +73,7 @@ class TappedGripper:
 
 
 class TappedArm:
-    """Answers every command as done, and the pose; keeps what it was sent."""
+    """An open_abb server that acknowledges every command, and records all commands."""
 
     def __init__(self) -> None:
         self.heard: list[str] = []

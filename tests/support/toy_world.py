@@ -1,4 +1,4 @@
-"""A world of a few poses on a line, small enough that every plan in it can be written down."""
+"""A world of a few poses on a line, so small that a test can list the results of all plans."""
 
 from functools import cache
 
@@ -9,11 +9,16 @@ from planner.belief.metric import Metric
 SPACING_MM = 2.5
 METRIC = Metric(3.0, 10.0, 1)
 REACH = 3
-"""Neighbouring poses that one prediction locates: those less than 6 mm apart."""
+"""Number of neighbouring poses that one prediction locates: they are less than 6 mm apart."""
 
 
 class Toy:
-    """Squeezes that move a part from pose to pose and read a number, both stated: (actions, poses) each."""
+    """Squeezes of a part at numbered poses.
+
+    Attributes:
+        after: (actions, poses) number of the pose after each action at each pose.
+        reading: (actions, poses) reading of each action at each pose.
+    """
 
     def __init__(self, after, reading):
         self.after, self.reading = np.array(after), np.array(reading)
@@ -21,24 +26,24 @@ class Toy:
 
     @classmethod
     def drawn(cls, rng, actions, size, readings):
-        """One at random."""
+        """Draws a random world of `size` poses, with readings below `readings`."""
         return cls(*(rng.integers(most, size=(actions, size)) for most in (size, readings)))
 
     def squeeze(self, parts, placements, rng):
-        """As `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
+        """A `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
         state = np.rint(parts.poses[:, 0] / SPACING_MM).astype(int)
         action = np.rint(placements[:, 0]).astype(int)
         return poses_of(self.after[action, state]), self.reading[action, state]
 
     def placements(self, history):
-        """All actions, always."""
+        """A `planner.bound.histories.Placements` that gives all actions after any history."""
         return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
 
     def outcomes(self, squeezes, least_share=0.0, granted=False):
-        """What each plan of at most so many squeezes comes to: the set of (squeezes, parts not located).
+        """The results of all plans of at most `squeezes` squeezes: a set of (squeezes, parts not located).
 
-        Claims are made only where they locate `least_share` of the parts. After the last squeeze all parts
-        are located at the price of one squeeze more, if that is granted.
+        Both numbers are sums over all poses. A plan claims a pose only if that locates `least_share` of the
+        parts. If `granted`, all parts are located after the last squeeze at the price of one squeeze more.
         """
 
         @cache
@@ -62,7 +67,10 @@ class Toy:
         return after(tuple(range(self.size)), squeezes, first=True)
 
     def least(self, success, squeezes, **options):
-        """Least mean squeezes of a plan that locates a share of all parts; infinite if none does."""
+        """Least mean squeezes of a plan that locates a share `success` of all parts; infinite without any.
+
+        The plan has at most `squeezes` squeezes.
+        """
         most = (1.0 - success) * self.size + 1e-9
         plans = self.outcomes(squeezes, **options)
         means = [cost / self.size for cost, missed in plans if missed <= most]
@@ -70,6 +78,6 @@ class Toy:
 
 
 def poses_of(states):
-    """Poses (n, 3) of states."""
+    """Poses (n, 3) of numbered states (n,)."""
     states = np.asarray(states, float)
     return np.column_stack([SPACING_MM * states, np.zeros((len(states), 2))])

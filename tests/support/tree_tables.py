@@ -1,4 +1,4 @@
-"""Tables for tests and benchmarks: those that are committed, and one of every job in `trees/`."""
+"""Tables for tests and benchmarks: the committed tables, and a table of each job in `trees/`."""
 
 from programs import ROOT, TREES
 
@@ -12,14 +12,14 @@ NAMES = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
 
 
 def committed() -> dict[str, Table]:
-    """The tables in `trees/` and the golden ones of the tests, by name."""
+    """The tables in `trees/` and in `tests/golden`, by name."""
     golden = ROOT / "tests" / "golden"
     paths = [*sorted(TREES.glob("*/*.msgpack")), *sorted(golden.glob("*.msgpack"))]
     return {path.stem: load(path).table for path in paths}
 
 
 def table_of(name: str, workers: int | None = None) -> TableFile:
-    """The table of a job: the committed or kept one, where it is of this job; else a fresh one, then kept."""
+    """The table of a job: the committed or kept table if it is of this job, else a new one, which is kept."""
     job = job_file.load(TREES / name / "job.toml")
     for path in (TREES / name / f"{name}.msgpack", KEPT / f"{name}.msgpack"):
         if path.exists() and (result := load(path)).table.job_digest == job.digest():

@@ -1,9 +1,9 @@
 """A second squeeze simulator: slow, obvious, and built another way than the kernels.
 
-The motion is an ordinary differential equation in s, the distance either finger has closed, integrated by
-scipy's `solve_ivp`: at every pose the contacts are listed by geometry, and the velocities follow from trying
-all modes of contact (`lcp_twin.motions`). A contact that is still open by g may close at the rate g / REACH,
-so that nothing is touched at a jump; where no mode is consistent the part is held. Shares no code with
+The motion is an ordinary differential equation in s, the distance that either finger has closed, and is
+integrated by scipy's `solve_ivp`. At every pose geometry gives the contacts, and the velocity is that of a
+consistent mode of contact (`lcp_twin.motions`). A contact with a gap g may close at the rate g / `REACH_MM`,
+so that velocities do not jump at a touch. If no mode is consistent, the part is held. Shares no code with
 `planner.mechanics`. Meant for polygons of few vertices.
 """
 
@@ -18,19 +18,19 @@ from problems import place
 from scipy.integrate import solve_ivp
 
 REACH_MM = 0.01
-"""Distance over which an open contact closes: the twin is that soft, and good to a few times as much."""
+"""Gap below which a pair of features counts as a contact; results are accurate to a few times as much."""
 BESIDE_MM = 0.1
-"""A vertex this far behind a face is beside the finger's end, else on the face."""
+"""Depth behind a finger's face below which a vertex touches the face, and above which the finger's end."""
 MOST_CONTACTS = 4
 
 
 class Part(NamedTuple):
-    """What is squeezed, and by what.
+    """A part and the jaws that squeeze it.
 
     Attributes:
         outline: (N, 2) counter-clockwise, mm.
         A: (3, 3) limit surface matrix in the part's frame.
-        rho: the length it is normalised with, mm.
+        rho: the length that normalises A, mm.
         mu: friction at both fingers.
         jaws: opening, length and thickness of the fingers, mm (a fourth entry is not read).
     """
@@ -55,7 +55,7 @@ class HeldError(Exception):
 
 
 def squeeze(part: Part, pose: np.ndarray) -> Result:
-    """Close the fingers from fully open until the part is held, or they meet."""
+    """Closes the fingers from fully open until they hold the part, or meet."""
     closed = _first_touch(part, pose)
     end = 0.5 * part.jaws.opening_mm
     if closed >= end:
@@ -78,7 +78,7 @@ def squeeze(part: Part, pose: np.ndarray) -> Result:
 
 
 def _first_touch(part: Part, pose: np.ndarray) -> float:
-    """How far the fingers close before one of them touches."""
+    """Distance that either finger closes before one of them touches the part [mm]; infinite if none does."""
     opening, length, _ = part.jaws[:3]
     strip = shapely.box(-length / 2, -opening, length / 2, opening)
     between = shapely.Polygon(place(part.outline, pose)).intersection(strip)
@@ -101,7 +101,14 @@ def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
 def rate(
     part: Part, q: np.ndarray, places: np.ndarray, advance: np.ndarray, gap: np.ndarray
 ) -> np.ndarray:
-    """How fast a part at q moves that is touched at places (m, 4), each a point and the normal into it.
+    """Velocity (3,) of a part at a pose q (3,) that is touched at m contacts.
+
+    Args:
+        part: the part.
+        q: pose of the part.
+        places: (m, 4) point of each contact, and normal into the part.
+        advance: (m, 2) velocity of the pusher at each contact.
+        gap: (m,) velocity by which each contact may close.
 
     Raises:
         HeldError: no motion is consistent.
@@ -117,7 +124,7 @@ def rate(
 
 
 def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
-    """All pairs of features about to touch: (gap, finger, point x, y, normal x, y)."""
+    """All pairs of features that touch or nearly touch: (gap, finger, point x, y, normal x, y)."""
     opening, length, thickness = part.jaws[:3]
     half, points = length / 2, place(part.outline, q)
     result: list[tuple[float, ...]] = []
@@ -137,7 +144,7 @@ def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
 def _corner_contacts(
     points: np.ndarray, finger: int, corner: np.ndarray, side: int
 ) -> list[tuple[float, ...]]:
-    """The edges that an inner corner of a finger is about to touch, normals in the corner's cone."""
+    """Contacts of an inner corner of a finger with edges whose normals lie in the corner's cone."""
     results: list[tuple[float, ...]] = []
     for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
         edge = second - first
@@ -145,7 +152,7 @@ def _corner_contacts(
         inward = np.array([-edge[1], edge[0]]) / size
         along = (corner - first) @ edge / size
         gap = -(corner - first) @ inward
-        # The part pushes the corner along -inward: it must not point out of the finger.
+        # The part pushes the corner along -inward, which must not point out of the finger.
         in_cone = -finger * inward[1] > -1e-3 and side * inward[0] > -1e-3
         if in_cone and 0.0 <= along <= size and -BESIDE_MM < gap < REACH_MM:
             touched = corner + gap * inward

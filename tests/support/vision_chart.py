@@ -1,4 +1,4 @@
-"""The state chart of the OPC UA server: every method and event in every state that can be reached."""
+"""Explores the states of the OPC UA server: tries every event in every state that can be reached."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ LOCATED = Answer(1, 0, -1500, 250, 900_000, 1, 1, 20, 65535, 1.25)
 
 
 class Line:
-    """A server that listens to nobody: its methods are called from here, and parts end when asked to."""
+    """A server without clients; `events` are its methods and other events, such as the end of a part."""
 
     def __init__(self, listener: socket.socket) -> None:
         self.exchange = Exchange(Station((1, 2), beats=False), SystemClock())
@@ -42,7 +42,7 @@ class Line:
 
 @contextmanager
 def line() -> Iterator[Line]:
-    """A line of its own."""
+    """A context with a new `Line`."""
     with socket.socket() as listener:
         yield Line(listener)
 
@@ -53,7 +53,10 @@ def _key(seen: Glance) -> tuple[object, ...]:
 
 
 def explored() -> Iterator[tuple[Glance, str, Glance]]:
-    """Each reachable glance, but for numbers of jobs, with each event and what is seen then."""
+    """Yields each reachable glance, each event, and the glance after the event.
+
+    Glances that differ only in the numbers of jobs count as one.
+    """
     known: dict[tuple[object, ...], tuple[str, ...]] = {}
     ahead: list[tuple[str, ...]] = [()]
     while ahead:

@@ -1,4 +1,4 @@
-"""Journals as runs really write them, for what reads journals."""
+"""Journals that the runtime itself writes, for tests of commands that read journals."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def write_run(
     calibration: Calibration | None = None,
     segment_bytes: int = SEGMENT_BYTES,
 ) -> Path:
-    """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
+    """Runs four parts and returns the journal: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
     rig = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
     table = small_table()
@@ -38,6 +38,6 @@ def write_run(
 
 
 def assert_sound(journal: Path) -> None:
-    """A journal verifies, has its last record, and its decisions are derived again."""
+    """Asserts that a journal verifies, has its last record, and that a replay derives the same decisions."""
     assert verify(journal).closed
     assert list(Replay().follow(records(journal))) == []

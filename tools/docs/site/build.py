@@ -1,4 +1,4 @@
-"""Builds the documentation with warnings as errors, runs notebooks, follows every link. See tools/site."""
+"""Builds the documentation with warnings as errors, runs its notebooks and checks every link."""
 
 import argparse
 import os
@@ -32,7 +32,7 @@ def quiet_kernels(folder: Path) -> None:
 
 
 def built(builder: str, cache: str, output: str) -> int:
-    """Runs a builder of Sphinx; returns its status."""
+    """Runs a builder of Sphinx; returns the exit status."""
     return sphinx([*STRICT, "--builder", builder, "--doctree-dir", cache, str(ROOT), output])
 
 
@@ -40,11 +40,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="tools/site", description=__doc__)
     add = parser.add_argument
     add("-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site")
-    add("--links", action="store_true", help="also fetch every page outside that is linked to")
+    add("--links", action="store_true", help="also fetch every external page that is linked to")
     arguments = parser.parse_args()
     output: Path = arguments.output
     if output.exists() and not (output / "objects.inv").exists() and any(output.iterdir()):
-        parser.error(f"{output} holds something else than a site; name another folder")
+        parser.error(f"{output} holds files that are not of a site; name another folder")
     shutil.rmtree(output, ignore_errors=True)
     with tempfile.TemporaryDirectory() as cache:
         quiet_kernels(Path(cache))

@@ -1,4 +1,4 @@
-"""Configuration of tools/site. The source is the whole repository: pages stay where they are."""
+"""Configuration of Sphinx for tools/site. Its source folder is the repository: pages stay where they are."""
 
 import sys
 import tomllib
@@ -59,7 +59,7 @@ pygments_style = "default"
 pygments_dark_style = "github-dark"
 sphinx_argparse_cli_prefix_document = True
 
-# Shown beside every page, but not in the README, which is read elsewhere too.
+# Contents beside every page. They are not in README.md itself, which is also read outside the site.
 CONTENTS = "\n\n" + (HERE / "contents.md").read_text()
 # Links to folders, which a site cannot show.
 FOLDERS = {

@@ -11,12 +11,12 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
-EM = 16.0  # size that formulas are set at; on the page they have the size of the text around them
+EM = 16.0  # font size in which formulas are set; on the page they scale with the text around them
 LARGER = 1.1  # enlargement of a formula relative to its text; STIX is a small face
 
 
 def drawn(latex: str, inline: bool) -> str:
-    """Returns an <svg> element with the size of the formula, and its base line on that of the text."""
+    """Returns an <svg> element with the formula, its base line aligned with that of the text."""
     formula = ziamath.Latex(latex, size=EM, color="currentColor", inline=inline)
     svg = formula.svgxml()
     width, height = (float(svg.get(side, "0")) for side in ("width", "height"))

@@ -1,12 +1,13 @@
-"""Writes the tables of tools/docs/performance.md and README.md from tests/bench/results, so none is copied.
+"""Writes the tables of tools/docs/performance.md and README.md from the results in tests/bench/results.
 
     python tools/docs/site/kept.py                  write both pages
     python tools/docs/site/kept.py bound worlds     print these tables
 
-A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`. The templates are in
-`kept.jinja`. If a file of results gives several tables, the name of each is that of the file, a dash and a
-word, such as `squeeze-speed`. The tests fail where a page is not what this script writes. In
-tools/docs/results.md, a table has only the first marker, and is filled in when the site is built (conf.py).
+A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`. The macro NAME of
+`kept.jinja` writes it from the file NAME.json of results; `squeeze-speed` is the macro `squeeze_speed` and
+the file squeeze.json. If there is a file NAME.txt, its text is taken instead. A test fails if a page is not
+what this script writes. In tools/docs/results.md a table has only the first marker, and is filled in when the
+site is built (conf.py).
 """
 
 import json

@@ -40,7 +40,7 @@ class Page(HTMLParser):
 
 
 def check(site: Path) -> Found:
-    """Checks that links within a site lead somewhere, and that no page loads anything from outside.
+    """Checks that all links within a site lead to a page or file, and that no page loads external files.
 
     Args:
         site: the folder with the built pages.
