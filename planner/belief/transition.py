@@ -10,7 +10,7 @@ from typing import NamedTuple, Self, TypeAlias
 import numpy as np
 from numpy.random import Generator
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import PUSHED, UNREAD, Belief
 from planner.belief.partition import Rule, partition
@@ -122,20 +122,44 @@ class Simulation:
         size = np.array([len(belief) for belief, _ in cases])
         traits = joined(belief.traits for belief, _ in cases)
         placements = np.repeat([placement for _, placement in cases], size, axis=0)
-        hand = true_placements(placements, traits, rng)
         poses = np.concatenate([belief.poses for belief, _ in cases])
-        rolled = self.simulator.squeeze(to_hand(poses, hand.T), rng, traits)
-        counts = self.encoder.read(read_as(rolled.width_mm, traits), rng)
-        counts = self.encoder.with_flag(counts, rolled.width_mm)
-        after = to_world(rolled.poses, hand.T)
+        after, counts, width_mm = self._squeezed(poses, placements, traits, rng)
         stops = np.cumsum(size)
-        width_mm = np.add.reduceat(rolled.width_mm, stops - size) / size
+        mean_mm = np.add.reduceat(width_mm, stops - size) / size
         pieces = np.split(after, stops[:-1]), np.split(counts, stops[:-1])
-        each = zip(cases, *pieces, width_mm.tolist(), strict=True)
+        each = zip(cases, *pieces, mean_mm.tolist(), strict=True)
         return [
             Squeezed(Belief(lying, belief.traits, reading), width)
             for (belief, _), lying, reading, width in each
         ]
+
+    def squeeze_at_each(
+        self, belief: Belief, placements: Array, rng: Generator
+    ) -> tuple[Array, IntArray]:
+        """Squeezes all n particles of a belief at each of k placements (k, 3) in the world [mm, mm, rad].
+
+        Returns:
+            Final poses (k, n, 3) in the world, and readings (k, n).
+        """
+        k, n = len(placements), len(belief)
+        poses, traits = np.tile(belief.poses, (k, 1)), joined([belief.traits] * k)
+        hands = np.repeat(placements, n, axis=0)
+        after, counts, _ = self._squeezed(poses, hands, traits, rng)
+        return after.reshape(k, n, 3), counts.reshape(k, n)
+
+    def _squeezed(
+        self, poses: Array, placements: Array, traits: Traits, rng: Generator
+    ) -> tuple[Array, IntArray, Array]:
+        """Squeezes particles at poses (n, 3) with the hand at placements (n, 3), both in the world.
+
+        Returns:
+            Final poses (n, 3) in the world, readings (n,), and the widths (n,) at which the jaws stop [mm].
+        """
+        hand = true_placements(placements, traits, rng)
+        rolled = self.simulator.squeeze(to_hand(poses, hand.T), rng, traits)
+        counts = self.encoder.read(read_as(rolled.width_mm, traits), rng)
+        counts = self.encoder.with_flag(counts, rolled.width_mm)
+        return to_world(rolled.poses, hand.T), counts, rolled.width_mm
 
     def push(self, belief: Belief, push: Push, rng: Generator) -> Belief:
         """The belief after a push, each particle rolled out by itself."""

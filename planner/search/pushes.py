@@ -118,10 +118,10 @@ class Pusher:
         Where no grasp pose clears a belief, the cost grows with its spread.
         """
         costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
-        asked = [(each.belief, ranking.candidates(each.belief, each.belief)) for each in tried]
-        for k, options in enumerate(ranking.rank(asked, rng)):
+        for k, (pushes, belief) in enumerate(tried):
+            options = ranking.rank(belief, ranking.candidates(belief, belief), rng)
             if len(options.squeezes):
-                costs[k] = self.costs.pushes(hand, tried[k].pushes)[0] + options.squeezes[0]
+                costs[k] = self.costs.pushes(hand, pushes)[0] + options.squeezes[0]
         return costs
 
     def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: Generator) -> Pushed | None:

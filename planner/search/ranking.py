@@ -13,7 +13,7 @@ from planner.belief.metric import mode_shares
 from planner.belief.particles import PUSHED, Belief
 from planner.belief.partition import Costs, by_group, interval_of_each
 from planner.belief.stopping import squeezes_left
-from planner.belief.transition import Squeezed
+from planner.belief.transition import Simulation
 from planner.frames import wrap
 from planner.kernel import kernel
 from planner.mechanics.clearance import free_placements
@@ -73,13 +73,13 @@ class _Contest:
 
     @property
     def waiting(self) -> bool:
-        """Whether particles are left to be squeezed."""
-        return self.start < len(self.belief)
+        """Whether options and particles are left to be squeezed."""
+        return self.start < len(self.belief) and len(self.placements) > 0
 
-    def add(self, squeezed: list[Squeezed]) -> None:
-        """Adds this round's outcomes, one for each option."""
-        poses = np.stack([new.belief.poses for new in squeezed])
-        reading = np.stack([new.belief.reading for new in squeezed])
+    def squeeze(self, ahead: Simulation, rng: Generator) -> None:
+        """Squeezes the particles of this round at every option."""
+        now = self.belief[self.start : self.stop]
+        poses, reading = ahead.squeeze_at_each(now, self.placements, rng)
         self.poses = np.concatenate([self.poses, poses], axis=1)
         self.reading = np.concatenate([self.reading, reading], axis=1)
 
@@ -122,8 +122,8 @@ class Ranking:
             options.append(self.actions.followed(about.poses))
         return self.free(belief, np.concatenate(options))
 
-    def rank(self, asked: list[tuple[Belief, Array]], rng: Generator) -> list[Options]:
-        """Ranks the grasp poses (k, 3) of every belief; those that remain are judged by all its particles.
+    def rank(self, belief: Belief, placements: Array, rng: Generator) -> Options:
+        """Ranks grasp poses (k, 3) of a belief; those that remain are judged by all its particles.
 
         The ranking counts squeezes, whatever the job minimises: seconds differ less between grasp poses than
         the estimate errs, and favour grasp poses that reveal little. The search values the best ones in the
@@ -132,18 +132,11 @@ class Ranking:
         All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
-        contests = [_Contest(*each) for each in asked]
-        while waiting := [each for each in contests if each.waiting and len(each.placements)]:
-            cases = list[tuple[Belief, Array]]()
-            for contest in waiting:
-                belief = contest.belief[contest.start : contest.stop]
-                cases += [(belief, placement) for placement in contest.placements]
-            squeezed = iter(self.problem.ahead.squeeze(cases, rng))
-            for contest in waiting:
-                contest.add([next(squeezed) for _ in contest.placements])
-            for contest, left in zip(waiting, self._judge(waiting), strict=True):
-                contest.halve(1.0 + left)
-        return [Options.sorted(contest.placements, contest.squeezes) for contest in contests]
+        contest = _Contest(belief, placements)
+        while contest.waiting:
+            contest.squeeze(self.problem.ahead, rng)
+            contest.halve(1.0 + self._judge(contest))
+        return Options.sorted(contest.placements, contest.squeezes)
 
     def varied(self, belief: Belief, thin: Belief, options: Options, rng: Generator) -> Options:
         """The options and variants of the best of them, with decreasing spread: a random local search.
@@ -158,7 +151,7 @@ class Ranking:
             best = options.placements[:VARIED_BEST]
             near = self.free(belief, varied(best, VARIED_BEST, spread, rng))
             if len(near):
-                more = self.rank([(thin, near)], rng)[0]
+                more = self.rank(thin, near, rng)
                 options = Options.sorted(*map(np.concatenate, zip(options, more, strict=True)))
         return options
 
@@ -192,18 +185,14 @@ class Ranking:
             clear &= free_placements(outline, mixture.jaws, poses, placements, least_mm, share)
         return clear
 
-    def _judge(self, contests: list[_Contest]) -> list[Array]:
-        """Expected squeezes left (k,) after each option of the contests."""
-        rule, costs = self.problem.rule, self.problem.rule.compiled()
-        pieces = list[tuple[Array, IntArray]]()
-        for contest in contests:
-            states = contest.states(bool(rule.metric.further))
-            for start in range(0, len(states), TOGETHER):
-                some = slice(start, start + TOGETHER)
-                pieces.append((states[some], contest.reading[some]))
+    def _judge(self, contest: _Contest) -> Array:
+        """Expected squeezes left (k,) after each option of a contest."""
+        costs = self.problem.rule.compiled()
+        states, reading = contest.states(bool(self.problem.metric.further)), contest.reading
+        together = [slice(k, k + TOGETHER) for k in range(0, len(states), TOGETHER)]
         threads = Threads(self.problem.mixture.workers)
-        left = np.concatenate(list(threads.map(lambda piece: judged(*piece, costs), pieces)))
-        return np.split(left, np.cumsum([len(contest.placements) for contest in contests])[:-1])
+        left = threads.map(lambda some: judged(states[some], reading[some], costs), together)
+        return np.concatenate(list(left))
 
 
 @kernel

@@ -389,7 +389,7 @@ class Search:
         grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
-        options = ranking.rank([(thin, grasps)], rng)[0]
+        options = ranking.rank(thin, grasps, rng)
         if effort.actions > 1:
             options = ranking.varied(belief, thin, options, rng)
         return ranking.unlike(belief, options.placements, effort.actions)
