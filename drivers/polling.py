@@ -111,7 +111,10 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._link.close()
 
     def _budget_s(self, speed_mm_s: float) -> float:
-        """Time limit of a move, device seconds: that of a whole stroke, since the start may be misread."""
+        """Returns the time limit of a move at a speed [s of device time].
+
+        It allows for the whole stroke, since the position at the start may have been misread.
+        """
         return self.profile.stroke_um / 1000.0 / speed_mm_s + MOVE_MARGIN_S
 
     # -- what a make says -------------------------------------------------------------------------

@@ -304,8 +304,8 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Adds a part to `counts`.
 
-    A part that ends at a leaf and is not delivered also counts as within or outside the goal, if the truth is
-    known, and the leaf's rate of failures is added to those predicted.
+    For a part that ends at a leaf and is not delivered, and whose true pose is known, also counts whether it
+    is outside the goal, and adds the failure rate that the leaf predicts.
     """
     truth = cell.scene.truth()
     delivered = result.delivery == "done"

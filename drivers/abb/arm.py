@@ -80,7 +80,10 @@ class Arm(UprightArm):
         self._ask(codec.MOVE_LINEAR, codec.pose_numbers(motion.target.frame), motion.budget_s)
 
     def close(self) -> None:
-        """Disconnects; the arm does not move. After a silence, no closing command is sent."""
+        """Disconnects without moving the arm.
+
+        Sends no closing command if the state of the arm is unknown, as after a missing reply.
+        """
         if not self._unknown:
             with contextlib.suppress(OSError):
                 self._link.send(codec.command(codec.CLOSE))

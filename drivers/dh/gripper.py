@@ -173,7 +173,10 @@ class Gripper(PolledGripper[Reading, int]):
         self._write(register, value, lambda: self._checked(REPEATING).settings[register] == value)
 
     def _write(self, register: int, value: int, arrived: Callable[[], bool]) -> None:
-        """Writes a register, again until a write is acknowledged; a repeated position changes no motion."""
+        """Writes a register, repeatedly until a write is acknowledged.
+
+        Repeating is harmless: the same position again starts no motion.
+        """
         self._repeat(lambda: self._link.write(register, value), arrived)
 
 

@@ -133,7 +133,9 @@ class Gripper(PolledGripper[Input, Output]):
     # -- commands and their outcomes --------------------------------------------------------------
 
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
-        """Sends a command with a changed bit, as the device acts on changes; `wait` then waits for the move.
+        """Sends a command with its toggle bit changed, since the device acts on changes.
+
+        `wait` then waits for the move.
 
         Args:
             output: the command.
@@ -142,7 +144,7 @@ class Gripper(PolledGripper[Input, Output]):
             budget_s: time limit of the motion, device seconds.
 
         Returns:
-            The output as sent.
+            The output with the changed toggle bit.
         """
         # The device executes a command when its bit is set or, with the bit set already, when this toggle
         # changes.

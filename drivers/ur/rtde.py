@@ -38,7 +38,7 @@ Vector = tuple[float, ...]
 
 
 class RtdeError(OSError):
-    """The controller does not answer, or its answer does not follow the guide."""
+    """The controller does not answer, or its answer does not follow Universal Robots' RTDE guide."""
 
 
 class Reading(NamedTuple):

@@ -166,13 +166,15 @@ def by_group(states: Array, group: IntArray, groups: int) -> tuple[Array, IntArr
 
 @kernel
 def candidates(columns: Array, first: IntArray, counts: IntArray, weights: Array) -> Array:
-    """Candidate poses (c, m) that have many particles of about one count within the goal, by mean shift.
+    """Candidate poses (c, m), found by mean shift among particles of nearly the same count.
+
+    Each has many of these particles within the goal.
 
     Args:
-        columns: (m, n) states, sorted by count.
+        columns: (m, n) states, sorted by count of the encoder.
         first: (k + 1,) index of the first state of each count, then n.
-        counts: (k,) that occur, rising.
-        weights: of the metric.
+        counts: (k,) counts that occur, in ascending order.
+        weights: weights of the metric.
     """
     n, m, width, c = first[-1], counts.shape[0], columns.shape[0], 0
     poses = np.empty((m + CANDIDATES, width))

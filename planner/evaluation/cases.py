@@ -135,7 +135,7 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """Two cases in which the encoder's zero is off by `OFFSET` times the encoder's grain, to either side."""
+    """Two cases in which the encoder's zero is shifted up or down by `OFFSET` times `Encoder.grain_mm`."""
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 

@@ -39,7 +39,10 @@ def chunks_of(trials: int) -> list[Chunk]:
 def run_chunk(
     program: Program, job: Job, world: World | Worlds, seed: int, cell: Disturbance, chunk: Chunk
 ) -> Evaluation:
-    """Runs the trials of one chunk, in any process; `Worlds` supply a separate world for each chunk."""
+    """Runs the trials of one chunk, also in another process.
+
+    The chunk gets the world with its number if `world` is a supply (`Worlds`).
+    """
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
     return Cell(program, job, part_world, cell, rng).run(chunk.trials)

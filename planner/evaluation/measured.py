@@ -146,7 +146,11 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
 def _branches(
     node: tables.Node, numbers: list[int], gripper: tables.GripperSpec
 ) -> list[tables.Branch]:
-    """The branches `numbers` of a node, confined to their own widths, with shares that again add up to 1."""
+    """Returns the branches `numbers` of a node.
+
+    If others are left out, each one is narrowed to the widths that select it in the whole node, and the
+    shares are scaled to add up to 1.
+    """
     if len(numbers) == len(node.branches):
         return list(node.branches)
     meant = [each for part in tables.decision_map(node, gripper) for each in part.intervals()]

@@ -89,7 +89,10 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """A simulation of many parts in chunks; a call with a chunk's number runs it, in any process."""
+    """A simulation of many parts in chunks, each of which can run in another process.
+
+    Calling the study with a chunk's number runs that chunk.
+    """
 
     program: Program  # the table
     job: Job  # the true parts and gripper

@@ -113,7 +113,7 @@ class Step(NamedTuple):
 
     @property
     def steps(self) -> IntArray:
-        """(n,) the encoder's readings alone."""
+        """(n,) the encoder's readings without the flag that the gripper feels a part."""
         return self.reading >> 1
 
     def through(self, branch: int) -> Array:

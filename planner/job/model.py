@@ -235,7 +235,10 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], folder: Path | None) -> list[Job]:
-    """Returns the job of one part; and that of its other face, if the part may lie on it and it differs."""
+    """Returns the job of a part, and a second one for its other face if needed.
+
+    The second one is needed if the job names `faces` and the two faces do not look alike.
+    """
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
     job = _of_one(document, folder)

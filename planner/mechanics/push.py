@@ -32,7 +32,7 @@ FINISHED = 1e-12  # Share of the way that may remain when a push counts as compl
 
 
 class Paths(NamedTuple):
-    """Paths of n pushers of points: each turns about a centre, which moves along a straight line."""
+    """Paths of n pushers: the points of each turn about a centre, which moves along a straight line."""
 
     points: Array  # (n, K, 2) points of the pushers at the start [mm]
     centres: Array  # (n, 2) centres of the rotations, at the start [mm]

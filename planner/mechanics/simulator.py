@@ -160,7 +160,10 @@ class Simulator:
     def squeeze(
         self, poses: Array, rng: np.random.Generator, traits: Traits | None = None
     ) -> RollOut:
-        """Squeezes parts with traits (n,) at poses (n, 3) in the hand frame, each with random mechanics."""
+        """Squeezes parts with latent parameters `traits` (n,) once, at poses (n, 3) in the hand frame.
+
+        Draws limit surface, friction and release of each squeeze, see `sample`.
+        """
         poses = arguments.rows(poses, "poses", 3)
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
 

@@ -124,7 +124,7 @@ SIDEWAYS = Style(True, Sizes(panel=0.5 * PANEL, label=12.0, text=23.0, margin=3.
 
 
 class Panel(NamedTuple):
-    """One node or leaf."""
+    """A node or a leaf as it is drawn in the picture of a tree."""
 
     key: str  # "node-3" or "leaf-0"
     kind: str  # "node", "leaf", "untried" or "unresolved"

@@ -114,9 +114,9 @@ def _first(job: Job, actions: ActionSet) -> Array:
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
     """The placements (k, 3) without those that a turn about the origin maps to an earlier one.
 
-    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. A turn
-    counts only if it maps the placements (m, 3) that all squeezes have in common onto themselves; those about
-    modes turn with the parts.
+    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
+    placements `common` (m, 3) are available to every squeeze of the plan; a turn counts only if it maps them
+    onto themselves. Placements about modes need no check, since they turn with the parts.
     """
     # For fingers that move alike, half a turn of the hand changes nothing either.
     alike = job.gripper.upper_finger_share == 0.5

@@ -79,7 +79,8 @@ class Pusher:
         """The most promising sequences of one or two pushes, judged by few particles and one squeeze each.
 
         Returns:
-            At most `FINALISTS` after which open fingers clear the belief.
+            At most `FINALISTS` sequences; after each of them, open fingers clear the belief at some grasp
+            pose.
         """
         judged, begun = list[tuple[float, Pushes]](), [Pushed((), subsample(belief, JUDGED))]
         for _ in range(MOST):
@@ -149,7 +150,10 @@ class Pusher:
         return bool(np.all((ends >= self._area[0] + ROUND_MM) & (ends <= self._area[1] - ROUND_MM)))
 
     def _angles(self, belief: Belief) -> list[float]:
-        """Directions of pushes: both ways along and across a belief; one where a turn changes nothing."""
+        """Directions of pushes: both ways along and across the spread of a belief.
+
+        Only one direction for an untouched belief if a turn of the whole plan changes nothing.
+        """
         if self._turnable and not belief.touched:
             return [0.0]
         x, y = (belief.poses[:, :2] - belief.poses[:, :2].mean(axis=0)).T

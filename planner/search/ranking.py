@@ -139,13 +139,16 @@ class Ranking:
         return Options.sorted(contest.placements, contest.squeezes)
 
     def varied(self, belief: Belief, thin: Belief, options: Options, rng: Generator) -> Options:
-        """The options and variants of the best of them, with decreasing spread: a random local search.
+        """Adds random variants of the best options in rounds of decreasing spread: a local search.
 
         Args:
             belief: the belief that open fingers must clear.
-            thin: its particles that are squeezed.
-            options: of the belief.
+            thin: a sample of the belief, on which the variants are judged.
+            options: options for the belief.
             rng: source of randomness.
+
+        Returns:
+            The options with the variants, the best first.
         """
         for spread in VARIED if self.actions.proposals and belief.touched else ():
             best = options.placements[:VARIED_BEST]
@@ -220,12 +223,13 @@ def judged(states: Array, reading: IntArray, costs: Costs) -> Array:
 
 
 def unlike(placements: Array, most: int, distance: float = 1.0) -> list[int]:
-    """Indices of grasp poses (k, 3), the best first, that are not near an earlier one; at most `most`.
+    """Indices of grasp poses (k, 3), the best first, without those near an earlier one; at most `most`.
 
     Args:
-        placements: the grasp poses.
-        most: how many at most.
-        distance: up to which two are near, in units of `ALIKE_MM` and `ALIKE`; 0: only equal ones are.
+        placements: the grasp poses, the best first.
+        most: largest number of indices.
+        distance: distance up to which two poses are near, in units of `ALIKE_MM` and `ALIKE`; 0: only equal
+            poses are near.
     """
     chosen = list[int]()
     for k, placement in enumerate(placements):

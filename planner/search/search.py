@@ -449,9 +449,9 @@ class Search:
         return rule, outcomes
 
     def _split(self, node: Node) -> None:
-        """Splits a node where its best action shows that its readings should be several intervals.
+        """Replaces a node by several siblings if its best action shows that its readings should be split.
 
-        The partition of the parent action could not consider this action.
+        The parent's action was partitioned before this action was known.
         """
         above, action = node.parent, node.best
         if above is None or above.best is None or node not in above.best.children:

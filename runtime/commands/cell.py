@@ -88,7 +88,10 @@ def connect(
 
 
 def _default_world(table: Table, console: Console) -> str:
-    """Name of the contact world if it can run here, else of the rehearsal, which a note then states."""
+    """Name of the contact world if it can run here, else of the rehearsal.
+
+    The rehearsal draws widths from the table's statistics; a note on the console then says so.
+    """
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
         return DEFAULT_WORLD

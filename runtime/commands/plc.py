@@ -196,7 +196,10 @@ class PlcRun:
             self._part_with(FAREWELL_S if self._stopped else ENDING_S)
 
     def _part_with(self, seconds: float) -> None:
-        """Leaves a connected PLC time to end the handshake and to read the end of the run."""
+        """Waits at most `seconds` until a connected PLC has ended the handshake, then `GLANCE_S` more.
+
+        In that time the PLC reads the end of the run.
+        """
         until = self._clock.now() + seconds
         while self._exchange.glance.state is not State.READY and self._left(until) > 0.0:
             self._wait(self._left(until))

@@ -243,7 +243,11 @@ class AskedParts:
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
     def _check_possible(self, approach: program.Approach, reading: program.Reading) -> None:
-        """Refuses a reading that contradicts itself (23), or of jaws that have not closed since (21)."""
+        """Refuses an impossible reading with the number of an error in `ERRORS`.
+
+        It is 23 if the jaws report that they closed on nothing but are open, and 21 if they are as wide open
+        as before the squeeze and the node has no branch for that width.
+        """
         calibration, decided = self._calibration, self._program.maps[approach.index]
         reading_um, seen = reading
         try:

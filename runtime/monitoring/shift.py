@@ -57,7 +57,10 @@ class Shift:
         self._count(result.fields(), None if last is None else last.width_um / 1000)
 
     def recall(self, journal: Path, table_sha256: str) -> None:
-        """Counts the parts of earlier runs of the table in this shift, from the journal's own file."""
+        """Counts the parts that earlier runs of the table ended in this shift.
+
+        Reads only the current file of the journal, not its sealed segments.
+        """
         # Stops at the first line that is no record; the journal is verified when the run opens it.
         with suppress(OSError, ValueError, KeyError, TypeError):
             for record in _outcomes(journal, table_sha256):

@@ -90,7 +90,7 @@ class Session(InternalSession):
     iserver: GuardedServer
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Calls methods, with this session in `caller`."""
+        """Calls methods; meanwhile the context variable `caller` holds this session."""
         token = caller.set(self)
         try:
             results: list[ua.CallMethodResult] = await super().call(params)

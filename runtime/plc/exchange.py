@@ -69,7 +69,10 @@ class Exchange:
             station.confirm()
 
     def disconnect(self) -> None:
-        """Ends enabling and notes that no client may write, see `Station.disconnect`."""
+        """Disables triggers after a lost connection, and notes that no client may write.
+
+        See `Station.disconnect`.
+        """
         with self._step() as station:
             station.disconnect()
         self.connected = False

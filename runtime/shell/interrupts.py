@@ -73,7 +73,7 @@ def stoppable() -> "contextlib._GeneratorContextManager[None]":
 
 
 def whole() -> "contextlib._GeneratorContextManager[None]":
-    """Context in which no stop request raises, except in stoppable code within."""
+    """Context in which a stop request does not raise, except within an inner `stoppable` context."""
     return _region(opened=False)
 
 

@@ -25,7 +25,7 @@ COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *R
 
 
 def parser() -> Parser:
-    """The command line."""
+    """Builds the argument parser of `grasp-audit report`."""
     text = "Success, residuals and control charts, from journals alone."
     built = Parser(prog="grasp-audit report", description=text, epilog=EPILOG)
     add = built.add_argument

@@ -151,7 +151,10 @@ def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Recor
 
 
 def _nested(columns: Mapping[str, tuple[Any, ...]]) -> dict[str, Iterable[Any]]:
-    """Groups columns by attribute; those of a nested record become one column of records."""
+    """Groups the columns by attribute of a record.
+
+    Columns `name.x`, `name.y` of a nested record become one column `name` of such records.
+    """
     result: dict[str, Iterable[Any]] = {}
     for outer, names in groupby(columns, lambda name: name.partition(".")[0]):
         inner = {name.partition(".")[2]: columns[name] for name in names}

@@ -184,7 +184,10 @@ class Timing:
         return CLEAR_MM / speed_mm_s + answer_s
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds in which jaws clear of the part move to the next opening; the hand may move meanwhile."""
+        """Seconds for jaws that no longer touch the part to move to their next opening.
+
+        The hand may move meanwhile.
+        """
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 

@@ -86,7 +86,7 @@ class ArmModel:
 
     Args:
         base: the arm's base frame in the world.
-        acceleration: of lines, mm/s2 and deg/s2; None: the arm reaches its speed at once.
+        acceleration: of straight motions, mm/s2 and deg/s2; None: the arm reaches its speed at once.
         desk: gives the current faults; None: never any.
         seed: of displacements of the hand.
     """

@@ -215,9 +215,9 @@ class Fingers(ABC):
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self) -> None:
-        """Schedules the reported object state for the current stroke: moving, then its outcome, each late.
+        """Schedules the object state that the gripper reports: moving, then the outcome of the stroke.
 
-        The lags are random.
+        Each state appears after a random lag.
         """
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         shown = self._flag.at(self._now)

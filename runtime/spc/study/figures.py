@@ -195,7 +195,7 @@ def _coordinate(table: Table, number: int) -> Quantity:
 def _readings(name: str, runs: Sequence[History], parts: int, of: Quantity) -> Readings:
     """Readings of a quantity by part, journal and trial.
 
-    Angles are shifted by whole periods of the part's symmetry to within half a period of the part's first.
+    Angles are shifted by whole periods of the part's symmetry, to within half a period of its first reading.
     """
     readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
     if name != "theta_rad":
