@@ -42,6 +42,10 @@ class Toy:
             squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 40.0))
         return squeezed
 
+    def squeeze_at_each(self, belief, grasps, rng):
+        after = [each.belief for each in self.squeeze([(belief, grasp) for grasp in grasps], rng)]
+        return np.stack([each.poses for each in after]), np.stack([each.reading for each in after])
+
 
 def least_squeezes(counts, places):
     """The least expected squeezes that distinguish equally likely places; infinite if none do."""
