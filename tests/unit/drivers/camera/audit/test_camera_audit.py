@@ -1,6 +1,7 @@
 """The verdict: eq. 9 under the symmetry, with an error budget; a sentence for each unusable picture."""
 
 import math
+import os
 import re
 import time
 from dataclasses import replace
@@ -219,6 +220,14 @@ def test_keep_limits_album_and_survives_write_error(tmp_path, monkeypatch):
     ]
     (tmp_path / "b").write_text("in the way")
     assert keep(tmp_path / "b", 0, FAIL, picture) is None
+
+
+def test_keep_full_folder_and_parts_from_one_again_deletes_the_oldest(tmp_path, monkeypatch):
+    monkeypatch.setattr(overlay, "MOST_PICTURES", 2)
+    for age_s, part in ((30, 8), (20, 9), (10, 1), (0, 2)):
+        path = keep(tmp_path, part, FAIL, np.zeros((20, 20, 3), np.uint8))
+        os.utime(path, (1e9 - age_s, 1e9 - age_s))
+    assert {path.name[:12] for path in tmp_path.iterdir()} == {"part-0000001", "part-0000002"}
 
 
 def parts(goal):
