@@ -137,6 +137,20 @@ def test_move_linear_slow_slider_extends_deadline(rig):
         assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
 
 
+def test_pose_answers_read_too_late_state_remedy(rig):
+    with rig.open() as arm:
+        wait = arm._rtde._await
+
+        def starved(kind):
+            payload = wait(kind)
+            arm._rtde._late_s = 1.5
+            return payload
+
+        arm._rtde._await = starved
+        with pytest.raises(ArmError, match=r"read it 1\.5 s too late; take load off this"):
+            arm.pose()
+
+
 @pytest.mark.parametrize(
     "greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"]
 )
