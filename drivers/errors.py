@@ -25,6 +25,14 @@ def shown(sent: object) -> str:
     return plain if len(text) <= SHOWN else f"{plain}... ({len(text)} characters)"
 
 
+def read_late(late_s: float) -> str:
+    """Says, after the name of a device, that this process read its answer too late by `late_s`."""
+    return (
+        f"answered, but this process was stopped or starved and read it {late_s:.1f} s too late; "
+        "take load off this machine"
+    )
+
+
 class LinkError(UnreachableError, ConnectionError):
     """The gripper cannot be reached: port unplugged, connection lost, refused request."""
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout
+from drivers.errors import LinkError, LinkTimeout, read_late
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
@@ -83,10 +83,7 @@ class StreamLink(ReportingLink):
         This is for readings, which become outdated; the answer to a write stays valid.
         """
         if self._late_s > 0.0:
-            raise LinkTimeout(
-                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine"
-            )
+            raise LinkTimeout(f"gripper at {self.endpoint} {read_late(self._late_s)}")
 
     def _broken(self, error: OSError, suspects: str) -> LinkError:
         # Never reopened automatically: another device may be there now.

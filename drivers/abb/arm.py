@@ -13,7 +13,7 @@ from drivers.abb.codec import Pose, ProtocolError, Reply
 from drivers.abb.reach import Setup, setup_of
 from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, ReadOnlyError
+from drivers.errors import ArmError, ReadOnlyError, read_late
 from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
@@ -65,10 +65,7 @@ class Arm(UprightArm):
         if self._late_s > 0.0:  # the reply is out of date
             reply = self._ask(codec.READ_POSE)
         if self._late_s > 0.0:
-            raise ArmError(
-                f"arm at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine"
-            )
+            raise ArmError(f"arm at {self.endpoint} {read_late(self._late_s)}")
         x_mm, y_mm, z_mm, w, x, y, z = codec.parse_numbers(reply)
         return Pose(x_mm, y_mm, z_mm, (w, x, y, z))
 

@@ -22,7 +22,7 @@ from urllib.request import parse_http_list, parse_keqv_list
 
 from drivers.bounds import BoundedSocket, EndlessError
 from drivers.clock import Pace
-from drivers.errors import ReadOnlyError, shown
+from drivers.errors import ReadOnlyError, read_late, shown
 from drivers.stream import closed_on_error, connected
 
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
@@ -67,9 +67,7 @@ class Rws:
             late_s = self._pace.now() - since - ANSWER_S
             if late_s <= 0.0:  # otherwise the answer is out of date
                 return _states(path, body)
-        raise RwsError(
-            f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
-        )
+        raise RwsError(f"it {read_late(late_s)}")
 
     def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
         """Requests a change, once.

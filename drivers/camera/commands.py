@@ -9,8 +9,8 @@ from runtime.shell.command import entry
 
 AUDIT, CALIBRATE = "drivers.camera.audit.command", "drivers.camera.calibration.command"
 FROM_JOURNALS = {"report": "runtime.spc.command", "study": "runtime.spc.study.command"}
-# OpenCV reads these when it is imported. It would log a missing camera once a second, although the verdict
-# reports it.
+# Read by OpenCV when it is imported. It and FFmpeg would report a missing camera once a second, although the
+# verdict reports it.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 

@@ -9,7 +9,7 @@ import struct
 from typing import NamedTuple
 
 from drivers.clock import Pace
-from drivers.errors import shown
+from drivers.errors import read_late, shown
 from drivers.stream import Stream
 
 PORT = 30004
@@ -99,9 +99,7 @@ class Rtde:
             self._out_of_step = False
             if late_s <= 0.0:  # otherwise the data is out of date
                 return self._unpacked(payload)
-        raise RtdeError(
-            f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
-        )
+        raise RtdeError(f"it {read_late(late_s)}")
 
     def _unpacked(self, payload: bytes) -> Reading:
         if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:

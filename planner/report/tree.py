@@ -315,10 +315,11 @@ def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[
 
 
 def percent(share: float) -> str:
-    """Formats a share of all parts in percent, with an extra digit where it is small."""
-    if 0.0 < share < 0.001:
-        return "< 0.1 %"
-    return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
+    """Formats a share in percent: 0 % only for none, 100 % only for all."""
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)
+    return f"{100 * share:.{digits}f} %" if share < 0.1 or share > 0.9 else f"{100 * share:.0f} %"
 
 
 def signed(value: float, digits: int = 1) -> str:

@@ -11,7 +11,7 @@ from planner.evaluation.shares import in_percent, shares_of
 from planner.job.model import Job
 from planner.part.outline import smallest_rectangle
 from planner.report.run_log import RunLog
-from planner.report.tree import names_parts
+from planner.report.tree import names_parts, percent
 from runtime.table import Node, Table
 
 GOOD_WRONG = 0.005  # share of wrong answers from which a broken assumption lowers the grade
@@ -169,14 +169,6 @@ def aim(job: Job) -> str:
         return f"to {goal.tolerance_deg:g} degrees"
     modes = f" in one of {goal.modes} poses" if goal.kind == "modes" else ""
     return f"to {goal.distance_mm:g} mm{modes}"
-
-
-def percent(share: float) -> str:
-    """Formats a share in percent: 0 % only for none, 100 % only for all."""
-    if share in (0.0, 1.0):
-        return f"{100 * share:.0f} %"
-    digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)
-    return f"{100 * share:.{digits}f} %" if share < 0.1 or share > 0.9 else f"{100 * share:.0f} %"
 
 
 FAR_MM = 2.0  # distance from every planned width that means another part or pose, not noise

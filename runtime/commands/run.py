@@ -50,10 +50,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
         recipe.console.note(
             f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
         )
-    if arguments.audit is not None and (goal.kind == "identity" or not goal.identify):
-        raise UsageError(
-            "--audit judges a pose; this goal leaves open the pose, or which part it is"
-        )
+    if arguments.audit is not None and not goal.identify:
+        raise UsageError("--audit judges which part it is, too, which this goal leaves open")
     with ExitStack() as stack:
         asked = _Asked(arguments, recipe, drivers, stack)
         if arguments.check:

@@ -101,7 +101,7 @@ READ = _block(
     Register(
         "seconds_last",
         "uint16",
-        "of the last part, from its first motion to its outcome; 65535 not known",
+        "of the last part, from its first motion to its outcome, delivery included; 65535 not known",
         0.01,
         "s",
     ),

@@ -44,7 +44,7 @@ class Answer(NamedTuple):
     face: int = 0
     expected_error: int = 0
     expected_error_p95: int = 0
-    # from the part's first motion to its outcome; NaN where this was not measured
+    # from the part's first motion to its outcome, delivery included; NaN where this was not measured
     seconds: float = nan
 
 

@@ -197,7 +197,9 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
         with open(file, "rb", closefd=False) as opened:
             data = opened.read(most_bytes + 1)
         if len(data) > most_bytes:
-            raise OSError(errno.EFBIG, f"it is larger than {most_bytes >> 10} KiB", str(path))
+            kib = most_bytes >> 10
+            limit = f"{kib} KiB" if kib % 1024 else f"{kib >> 10} MiB"
+            raise OSError(errno.EFBIG, f"it is larger than {limit}", str(path))
         return data, mode
     finally:
         os.close(file)

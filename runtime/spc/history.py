@@ -16,7 +16,7 @@ from runtime.table import Pose2, Table, loads, turned_pose
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
-class Squeezed(NamedTuple):
+class NodeReading(NamedTuple):
     """A reading at a node, and the index of the branch taken there, None for a reject."""
 
     node: int
@@ -29,7 +29,7 @@ class Part:
     """One part, from its first squeeze to its end."""
 
     number: int
-    squeezes: tuple[Squeezed, ...] = ()
+    squeezes: tuple[NodeReading, ...] = ()
     # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
     outcome: str = ""
     leaf: int | None = None
@@ -85,7 +85,7 @@ def read(paths: Sequence[Path]) -> History:
                 elif table is None or running is None:
                     continue
                 elif kind == "squeeze":
-                    squeezes = (*running.squeezes, _squeezed(entry, table))
+                    squeezes = (*running.squeezes, _reading(entry, table))
                     running = replace(running, squeezes=squeezes)
                 elif kind == "turned":
                     running = replace(running, turn_rad=_whole(entry["turn_urad"]) / 1e6)
@@ -142,11 +142,11 @@ def _with_truth(part: Part, entry: Entry) -> Part:
     return replace(part, true=true, within=within if isinstance(within, bool) else None)
 
 
-def _squeezed(entry: Entry, table: Table) -> Squeezed:
+def _reading(entry: Entry, table: Table) -> NodeReading:
     node, target = _whole(entry["node"]), entry.get("target")
     if node < 0:
         raise IndexError(node)
-    return Squeezed(node, table.nodes[node].branch_to(target), _whole(entry["width_um"]))
+    return NodeReading(node, table.nodes[node].branch_to(target), _whole(entry["width_um"]))
 
 
 def _whole(value: object) -> int:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from runtime.spc.charts import WINDOWS, BinomialWindowChart, Cusum, Ewma, GTestChart
 from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
-from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.history import History, NodeReading, Part
 from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
 from runtime.traversal.results import PartResult
 
@@ -152,7 +152,7 @@ class Drift:
         """Adds a part that has ended; returns whether a refit would pay now."""
         nodes = self._charts.table.nodes
         squeezes = (
-            Squeezed(step.node, nodes[step.node].branch_to(step.target), step.width_um)
+            NodeReading(step.node, nodes[step.node].branch_to(step.target), step.width_um)
             for step in result.steps
         )
         part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
@@ -168,7 +168,7 @@ def failure_share(predicted: Prediction) -> float:
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 
 
-def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
+def deviation(table: Table, squeeze: NodeReading) -> tuple[float, float]:
     """Read width minus the branch's expected width, and the standard deviation of that difference, um.
 
     A rejected width is compared with the nearest branch. If none is near, the deviation is 0 and its standard

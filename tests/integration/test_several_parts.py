@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -194,7 +195,6 @@ def test_grasp_runtime_several_parts_states_name_and_true_name(ran):
     ("program", "words", "message"),
     [
         (cli, "--tree TREE --port sim --deliver 50,0,0", "which part it is"),
-        (cli, "--tree TREE --port sim --audit judge.py", "which part it is"),
         (report, "TREE -o page.html --bound", "--bound is for one part"),
         (evaluate_command, "TREE --foreign-parts --sweep", "leave out --ppm and --sweep"),
     ],
@@ -227,15 +227,27 @@ def posed():
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
-def test_grasp_runtime_asks_auditor_with_name_of_part(posed, tmp_path):
+@pytest.mark.parametrize("planned", ["posed", "plan"])  # "plan" has a goal of kind "identity"
+def test_grasp_runtime_asks_auditor_with_name_of_part(planned, request, tmp_path):
+    table = request.getfixturevalue(planned).table
     (tmp_path / "judge.py").write_text(JUDGE)
     audit = f"{sys.executable} {tmp_path / 'judge.py'} small"
-    _, result, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
+    _, result, journal = simulated(table, tmp_path, "--count", "6", "--audit", audit)
     result = [part for part in result if part["outcome"] == "leaf"]
-    assert {part["hypothesis"] for part in result} == {"small", EVIL}
+    assert {part["hypothesis"] for part in result} == {part.name for part in table.hypotheses}
     assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
     assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(result)
+
+
+def test_grasp_runtime_audit_of_goal_that_leaves_open_the_part_is_refused(posed, tmp_path):
+    goal = replace(posed.table.goal, identify=False)
+    table = replace(posed.table, goal=goal, job=None)  # the job would contradict the goal
+    dump(table, tmp_path / "t.msgpack")
+    words = ("--tree", tmp_path / "t.msgpack", "--port", "sim", "--audit", "judge.py")
+    refused = called(cli.main, *words)
+    assert refused.code == 2
+    assert "--audit judges which part it is" in refused.err
 
 
 def test_from_table_several_parts_have_their_outlines_and_goals(posed, tmp_path):

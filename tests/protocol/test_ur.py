@@ -16,11 +16,11 @@ from lines import Line
 from programs import ended, until
 
 from drivers import connect
-from drivers.abb.codec import hand_rotation
+from drivers.abb.codec import IDENTITY, hand_rotation
 from drivers.clock import Pace
 from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
-from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, UrModel
+from drivers.sim.devices.ur_controller import PLAYING, PROTECTIVE_STOP, STOPPED, UrModel
 from drivers.sim.devices.ur_ports import RtdePort
 from drivers.sim.wire.serving import Site
 from drivers.ur import arm as ur_arm
@@ -137,6 +137,20 @@ def test_move_linear_slow_slider_extends_deadline(rig):
         assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
 
 
+def test_pose_answers_read_too_late_state_remedy(rig):
+    with rig.open() as arm:
+        wait = arm._rtde._await
+
+        def starved(kind):
+            payload = wait(kind)
+            arm._rtde._late_s = 1.5
+            return payload
+
+        arm._rtde._await = starved
+        with pytest.raises(ArmError, match=r"read it 1\.5 s too late; take load off this"):
+            arm.pose()
+
+
 @pytest.mark.parametrize(
     "greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"]
 )
@@ -196,6 +210,27 @@ def test_rtde_read_noise_raises_rtde_error():
         line = Line(*[[(0.001, packages + rng.randbytes(rng.randrange(9)))] for _ in range(6)])
         with pytest.raises(rtde.RtdeError):
             rtde.Rtde(line, Pace(line.clock)).read()
+
+
+@pytest.mark.parametrize("stops_s", [(0.2,), (0.2, 0.3)])
+def test_ur_model_stopl_brakes_on_path_while_its_program_runs(stops_s):
+    arm = ArmModel(BASE)
+    model = UrModel(arm, BASE)
+    start = arm.flange_at(0.0)
+    target = start._replace(x_mm=start.x_mm + 200.0)
+    model.take(script.move(7, IDENTITY, target, "v=0.25").decode(), 0.0)
+    for now_s in stops_s:
+        model.take(script.stop().decode(), now_s)
+    stands_s = 0.2 + 0.25 / script.STOP_M_S2
+    assert model.fields(stands_s - 0.01)["runtime_state"] == ("UINT32", (PLAYING,))
+    stopped = model.fields(stands_s + 0.01)
+    assert stopped["runtime_state"] == ("UINT32", (STOPPED,))
+    assert stopped["actual_TCP_speed"] == ("VECTOR6D", (0.0,) * 6)
+    way_mm = 50.0 + 1000.0 * 0.25**2 / (2.0 * script.STOP_M_S2)
+    for seconds in (stands_s, 10.0):
+        assert arm.flange_at(seconds).x_mm - start.x_mm == pytest.approx(way_mm, abs=0.2)
+    model.advance(10.0)
+    assert (model.registers[rtde.STARTED], model.registers[rtde.DONE]) == (7, 0)
 
 
 def test_ur_model_after_noise_still_serves(rig):

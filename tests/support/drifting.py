@@ -16,7 +16,7 @@ from planner.job.model import Job
 from planner.work.scheduler import Threads
 from planner.world import supply
 from runtime.shell.worlds import DEFAULT_WORLD
-from runtime.spc.history import Part, Squeezed
+from runtime.spc.history import NodeReading, Part
 from runtime.table import REJECT, Table, predicted_pose
 
 SEEN_SIGMA = (0.05, 0.05, 0.002)  # standard deviations of the camera's poses: mm, mm, rad
@@ -61,12 +61,12 @@ def parts(table: Table, result: Evaluation, seed: int, drift: Drift = HEALTHY) -
         for node, width_um, branch in zip(*rows, strict=True):
             if node >= 0:
                 taken_by = None if branch == REJECT else int(branch)
-                taken.append(Squeezed(int(node), taken_by, int(width_um)))
+                taken.append(NodeReading(int(node), taken_by, int(width_um)))
         yield _part(table, number, tuple(taken), int(leaf), seen[number])
 
 
 def _part(
-    table: Table, number: int, taken: tuple[Squeezed, ...], end: int, seen: NDArray[np.float64]
+    table: Table, number: int, taken: tuple[NodeReading, ...], end: int, seen: NDArray[np.float64]
 ) -> Part:
     if end < 0:
         return Part(number, taken, "reject")

@@ -8,7 +8,7 @@ import numpy as np
 from programs import TABLE as TREE
 
 from runtime.spc.expectation import Expectation
-from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.history import History, NodeReading, Part
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Table, decision_map, load
 
@@ -52,7 +52,7 @@ def drawn(
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
 
     def part(number: int) -> Part:
-        squeezes: list[Squeezed] = []
+        squeezes: list[NodeReading] = []
         target = 0
         while target >= 0:
             node = tree.nodes[target]
@@ -66,8 +66,8 @@ def drawn(
             read_um = min(max(profile.reading_um(profile.step(width)), 0), profile.stroke_um)
             taken = maps[target].at(read_um)
             if taken < 0:
-                return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
-            squeezes.append(Squeezed(target, taken, read_um))
+                return Part(number, (*squeezes, NodeReading(target, None, read_um)), "reject")
+            squeezes.append(NodeReading(target, taken, read_um))
             target = node.branches[taken].target
         if not tree.leaves[~target].resolved:
             return Part(number, tuple(squeezes), "unresolved", ~target)

@@ -66,9 +66,13 @@ def judge(
         sigma_rad: standard deviation of the measured angle.
 
     Returns:
-        The answer. Its verdict is "unknown" if the distance of the poses is within `COVERAGE` standard
-        deviations of the goal's limit, otherwise "pass" or "fail".
+        The answer. Its verdict is "unknown" if the goal leaves open the pose, or if the distance of the poses
+        is within `COVERAGE` standard deviations of the goal's limit, otherwise "pass" or "fail".
     """
+    if goal.kind == "identity":
+        return Answer(
+            UNKNOWN, "the goal asks which part it is, which its tag does not tell", measured
+        )
     pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
     off, bound = distance(goal, pose, measured), threshold(goal)
     if goal.kind in ("pose", "modes"):
@@ -105,8 +109,9 @@ class Auditor:
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Takes a picture and judges one part.
 
-        The verdict is "fail" if the tag of another part of the table is seen. It is "unknown", with a reason,
-        if no tag file is for the named part, or if the camera or the measurement fails.
+        The verdict is "fail" if the tag of another part of the table is seen; for a goal of kind "identity"
+        it is "pass" if the named part's is. It is "unknown", with a reason, if no tag file is for the named
+        part, or if the camera or the measurement fails.
 
         Args:
             part: number of the part.
@@ -132,12 +137,14 @@ class Auditor:
             moved_mm = drift.check(self.calibration.references, seen, view, self.limit_mm)
             carried = self._carrier({sighting.number for sighting in seen})
             result = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
-            if carried is None or carried is subject:
+            if carried is not None and carried is not subject:
+                answer = Answer(FAIL, f"it is {carried.name}, not {name}", result.pose)
+            elif carried is not None and subject.goal.kind == "identity":
+                answer = Answer(PASS, f"it is {name}", result.pose)
+            else:
                 allowed = subject.poses_of(predicted)
                 sigma = result.sigma_mm, result.sigma_rad
                 answer = judge(subject.goal, allowed, result.pose, *sigma)
-            else:
-                answer = Answer(FAIL, f"it is {carried.name}, not {name}", result.pose)
             carrier = None if carried is None else carried.name
             answer = replace(answer, moved_mm=moved_mm, hypothesis=carrier)
         except ExpectedError as error:

@@ -24,7 +24,7 @@ QUALITY = 85
 
 
 def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
-    """Writes an overlay; first deletes overlays of the lowest part numbers beyond `MOST_PICTURES` in all.
+    """Writes an overlay; first deletes the oldest overlays beyond `MOST_PICTURES` in all.
 
     Args:
         folder: folder of overlays; created if missing.
@@ -38,7 +38,7 @@ def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
     path = folder / f"part-{part:07d}-{verdict}.jpg"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        kept = sorted(folder.glob("part-*.jpg"))
+        kept = sorted(folder.glob("part-*.jpg"), key=lambda old: (old.lstat().st_mtime_ns, old))
         for old in kept[: max(0, len(kept) - MOST_PICTURES + 1)]:
             old.unlink(missing_ok=True)
         _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])

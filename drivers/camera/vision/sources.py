@@ -1,7 +1,6 @@
 """Sources of pictures: a device, a network camera, a folder. Every picture has a deadline."""
 
 import http.client
-import os
 import threading
 import time
 import urllib.error
@@ -19,7 +18,6 @@ FRESH_FRAMES = 2  # `Stream.picture` returns the second frame from its call on
 POLL_S = 0.005  # between two looks into a folder
 RETRY_S = 1.0  # between two attempts to open a camera
 MAX_PICTURE_BYTES = 64 << 20
-FFMPEG_SAYS_NOTHING = "-8"
 KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
 
@@ -152,9 +150,6 @@ class Stream(Source):
         self._frames = 0
         self._trouble = "has not sent a picture yet"
         self._closed = threading.Event()
-        # OpenCV and FFmpeg would print the result of each attempt to connect beside our messages.
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
-        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
         self._thread = threading.Thread(target=self._read, name="camera", daemon=True)
         self._thread.start()
 

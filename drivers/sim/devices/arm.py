@@ -18,6 +18,7 @@ JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
 INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
 HOME_MM = (0.0, 0.0, 100.0)  # pose of the hand at the start, pointing down
+SOON_S = 0.002  # time over which a speed is measured
 STALE = "1 1 "  # the acknowledgement of a MoveL
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
@@ -50,24 +51,28 @@ class Leg(NamedTuple):
     joints_deg: kinematics.Joints
     ends_deg: kinematics.Joints
     ramp_s: float = 0.0  # duration of the acceleration, and of the deceleration
+    brakes: bool = False  # whether it starts at full speed and decelerates all the way
 
     def at(self, now_s: float) -> Pose:
         """Pose of the flange."""
-        share = self._share(now_s)
+        share = self.share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
         """Joints in degrees, whole turns counted."""
-        share = self._share(now_s)
+        share = self.share(now_s)
         if share == 1.0:
             return self.ends_deg
         *_, joints = kinematics.track(self.joints_deg, self.start, self.target, share)
         return joints or self.joints_deg
 
-    def _share(self, now_s: float) -> float:
+    def share(self, now_s: float) -> float:
+        """Share of the way that is done."""
         if now_s >= self.start_s + self.seconds:
             return 1.0
         since, ramp, flat = max(now_s - self.start_s, 0.0), self.ramp_s, self.seconds - self.ramp_s
+        if self.brakes:
+            return 1.0 - (1.0 - since / self.seconds) ** 2
         if since < ramp:
             return 0.5 * since**2 / (ramp * flat)
         if since > flat:
@@ -137,11 +142,18 @@ class ArmModel:
         self._zone_mm = 0.0
         return self._line(tip, speed, now_s)[1]
 
-    def stop(self, now_s: float) -> None:
-        """Stops the arm at once, without deceleration."""
-        here, joints = self.flange_at(now_s), self.joints_at(now_s)
+    def stop(self, now_s: float, seconds: float = 0.0) -> None:
+        """Stops the arm on its path: at once, or with a constant deceleration for `seconds`."""
+        here, joints, leg = self.flange_at(now_s), self.joints_at(now_s), self._leg(now_s)
+        target, ends = here, joints
+        if seconds > 0.0:
+            share, soon = leg.share(now_s), leg.share(now_s + SOON_S)
+            last = min(share + 0.5 * seconds * (soon - share) / SOON_S, 1.0)
+            target = kinematics.between(leg.start, leg.target, last)
+            *_, reached = kinematics.track(joints, here, target)
+            ends = reached or joints
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
-        self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
+        self._legs = [*begun, Leg(here, target, now_s, seconds, joints, ends, brakes=True)]
 
     def displace(self, by: tuple[float, float, float, float], moment_s: float) -> bool:
         """Displaces the hand at once by x, y, z [mm] and a turn [rad], within its reach.

@@ -2,7 +2,7 @@
 
 The arm's mechanics are those of the simulated ABB arm. A program is a list of `set_tcp`, `movel`, `stopl`
 and `write_output_integer_register`; a program with any other statement is ignored, like a syntax error. A
-new program replaces the running one.
+new program replaces the running one and stops the arm at once, or brakes it if it begins with `stopl`.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import compose, turn_between
-from drivers.sim.devices.arm import ArmModel, HaltError
+from drivers.sim.devices.arm import SOON_S, ArmModel, HaltError
 from drivers.ur import script
 
 STATEMENT = re.compile(r"(\w+)\((.*)\)")
@@ -51,7 +51,10 @@ class UrModel:
         if not (self.remote and statements and self.safety_bits == NORMAL and self.mode == 7):
             return
         self.advance(now_s)
-        self._halt(now_s)
+        if statements[0][0] == "stopl":
+            self._events.clear()
+        else:
+            self._halt(now_s)
         at_s = now_s
         for name, words in statements:
             at_s = self._run(name, words, at_s)
@@ -70,9 +73,7 @@ class UrModel:
     def fields(self, now_s: float) -> Fields:
         """All available output fields at a time: by name, the type and the values."""
         self.advance(now_s)
-        pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
-        speed = tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
-        turning = turn_between(pose.rotation, soon.rotation) / 0.002
+        pose, (*speed, turning) = self._tcp_at(now_s), self._speeds_at(now_s)
         runs = now_s < self._ends_s
         joints = tuple(math.radians(angle) for angle in self._arm.joints_at(now_s))
         fields: Fields = {
@@ -95,6 +96,12 @@ class UrModel:
         """Pose of the active tool in the base frame."""
         return compose(self._arm.flange_at(now_s), self._tool)
 
+    def _speeds_at(self, now_s: float) -> tuple[float, float, float, float]:
+        """Velocity of the active tool in the base frame, m/s, and the speed of its turn, rad/s."""
+        pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + SOON_S)
+        x, y, z = ((b - a) / 1e3 / SOON_S for a, b in zip(pose[:3], soon[:3], strict=True))
+        return x, y, z, turn_between(pose.rotation, soon.rotation) / SOON_S
+
     def _halt(self, now_s: float) -> None:
         self._events.clear()
         self._arm.stop(now_s)
@@ -107,6 +114,12 @@ class UrModel:
         elif name == "write_output_integer_register":
             register, value = (int(word) for word in words.split(","))
             self._events.append((at_s, register, value))
+        elif name == "stopl":
+            *speed, turning = self._speeds_at(at_s)
+            rates = [float(word) for word in re.findall(r"[\d.]+", words)]  # m/s2, rad/s2
+            seconds = max(math.hypot(*speed) / rates[0], turning / rates[-1])
+            self._arm.stop(at_s, seconds)
+            at_s = self._motion_ends_s = at_s + seconds
         elif name == "movel":
             self._arm.frames(self._tool, IDENTITY)
             try:

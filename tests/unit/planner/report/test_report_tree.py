@@ -17,3 +17,9 @@ def test_picture_has_one_panel_for_each_node_and_leaf(table: Table, job: Job) ->
     panels = sorted(name for name in ids if re.fullmatch(r"(node|leaf)-\d+", name))
     targets = range(-len(table.leaves), len(table.nodes))
     assert panels == sorted(map(tree.key_of, targets))
+
+
+def test_percent_share_next_to_none_or_all_is_not_rounded_to_it() -> None:
+    shares = (0.0, 0.0002, 0.004, 0.5, 0.9996, 1.0)
+    texts = ["0 %", "0.02 %", "0.4 %", "50 %", "99.96 %", "100 %"]
+    assert [tree.percent(share) for share in shares] == texts

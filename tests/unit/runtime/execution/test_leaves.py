@@ -54,6 +54,19 @@ def test_executor_delivery_grips_part_at_leaf_and_puts_it_down():
     assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
 
 
+def test_executor_seconds_of_part_include_its_delivery():
+    rig = fake_cell([AT_21, AT_21])
+    move = rig.arm.move_linear
+
+    def move_in_a_second(*way):
+        move(*way)
+        rig.cell.clock.sleep(1.0)
+
+    rig.arm.move_linear = move_in_a_second
+    result = run(rig, RunOptions(delivery=DELIVERY))
+    assert result.seconds == pytest.approx(len(arm_moves(rig)), abs=0.5)
+
+
 def test_executor_delivery_with_grasp_arrives_at_drop_pose():
     delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
     rig = fake_cell([AT_21, AT_21])

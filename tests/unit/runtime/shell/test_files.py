@@ -66,11 +66,14 @@ def test_read_regular_file_within_the_limit_is_whole(tmp_path, size):
     assert mode == path.stat().st_mode
 
 
-def test_read_regular_file_beyond_the_limit_is_refused_not_cut(tmp_path):
+@pytest.mark.parametrize(
+    ("most_bytes", "limit"), [(1 << 10, "1 KiB"), (1536 << 10, "1536 KiB"), (3 << 20, "3 MiB")]
+)
+def test_read_regular_file_beyond_the_limit_is_refused_not_cut(tmp_path, most_bytes, limit):
     path = tmp_path / "data"
-    path.write_bytes(bytes(1025))
-    with pytest.raises(OSError, match="larger than 1 KiB"):
-        read_regular(path, 1024)
+    path.write_bytes(bytes(most_bytes + 1))
+    with pytest.raises(OSError, match=f"larger than {limit}"):
+        read_regular(path, most_bytes)
 
 
 def test_writing_planted_link_is_not_followed(tmp_path, monkeypatch):

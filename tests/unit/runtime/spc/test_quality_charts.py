@@ -19,7 +19,7 @@ from runtime.spc.charts import (
     chi_square_tail,
     likelihood_ratio,
 )
-from runtime.spc.history import Squeezed
+from runtime.spc.history import NodeReading
 from runtime.spc.monitor import branch_shares, deviation
 
 TABLE = table()
@@ -134,10 +134,10 @@ def test_watch_drift_is_flagged_by_its_chart_within_fifty_parts(drift, charts):
 def test_deviation_of_rejected_width_refers_to_nearby_branch():
     branches = TABLE.nodes[0].branches
     just_out = branches[0].low_um - 300
-    off, sigma = deviation(TABLE, Squeezed(0, None, just_out))
+    off, sigma = deviation(TABLE, NodeReading(0, None, just_out))
     assert off == just_out - branches[0].expected_um
     assert np.isfinite(sigma)
-    assert deviation(TABLE, Squeezed(0, None, 80_000)) == (0.0, float("inf"))
+    assert deviation(TABLE, NodeReading(0, None, 80_000)) == (0.0, float("inf"))
 
 
 def test_branch_shares_reproduce_leaf_probabilities():

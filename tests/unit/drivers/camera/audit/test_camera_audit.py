@@ -1,6 +1,7 @@
 """The verdict: eq. 9 under the symmetry, with an error budget; a sentence for each unusable picture."""
 
 import math
+import os
 import re
 import time
 from dataclasses import replace
@@ -221,14 +222,31 @@ def test_keep_limits_album_and_survives_write_error(tmp_path, monkeypatch):
     assert keep(tmp_path / "b", 0, FAIL, picture) is None
 
 
+def test_keep_full_folder_and_parts_from_one_again_deletes_the_oldest(tmp_path, monkeypatch):
+    monkeypatch.setattr(overlay, "MOST_PICTURES", 2)
+    for age_s, part in ((30, 8), (20, 9), (10, 1), (0, 2)):
+        path = keep(tmp_path, part, FAIL, np.zeros((20, 20, 3), np.uint8))
+        os.utime(path, (1e9 - age_s, 1e9 - age_s))
+    assert {path.name[:12] for path in tmp_path.iterdir()} == {"part-0000001", "part-0000002"}
+
+
+def parts(goal):
+    """Two parts with separate tags."""
+    return Subject(goal, part_tag(), name="l"), Subject(goal, part_tag(number=NUMBER + 1), name="r")
+
+
+def audit_of_several(lies, said, *subjects, predicted=POSE):
+    """The answer where the part of number `lies` is taken for the one that is called `said`."""
+    picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
+    auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
+    return auditor.audit(3, predicted, time.monotonic() + 1.0, said)
+
+
 def test_audit_separate_tags_tell_parts_apart():
-    left = Subject(GOAL, part_tag(), name="l")
-    right = Subject(GOAL, part_tag(number=NUMBER + 1), name="r")
+    left, right = parts(GOAL)
 
     def output(lies: int, said: str, *subjects):
-        picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
-        auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
-        answer = auditor.audit(3, POSE, time.monotonic() + 1.0, said)
+        answer = audit_of_several(lies, said, *subjects)
         return answer.verdict, answer.fields().get("hypothesis")
 
     assert output(0, "l", left, right) == (PASS, "l")
@@ -238,3 +256,17 @@ def test_audit_separate_tags_tell_parts_apart():
     assert output(0, "r", left, alike) == (PASS, None)
     assert output(1, "l", left, alike) == (UNKNOWN, None)
     assert output(0, "l", right) == (UNKNOWN, None)
+
+
+def test_audit_identity_goal_judges_only_which_part_it_is():
+    left, right = parts(replace(GOAL, kind="identity"))
+    alike = replace(right, tag=left.tag)
+
+    def output(lies: int, said: str, *subjects):
+        answer = audit_of_several(lies, said, *subjects, predicted=(POSE[0] - 40.0, *POSE[1:]))
+        return answer.verdict, answer.reason
+
+    assert output(0, "l", left, right) == (PASS, "it is l")
+    assert output(0, "r", left, right) == (FAIL, "it is l, not r")
+    reason = "the goal asks which part it is, which its tag does not tell"
+    assert output(0, "l", left, alike) == (UNKNOWN, reason)

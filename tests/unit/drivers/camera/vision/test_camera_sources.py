@@ -173,6 +173,15 @@ def test_stream_that_cannot_be_opened_is_reported():
         source.picture(soon(0.2))
 
 
+def test_stream_opened_keeps_log_level_that_the_environment_chose():
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_DEBUG)
+    try:
+        Stream("/dev/null", cv2.CAP_V4L2).close()
+        assert cv2.utils.logging.getLogLevel() == cv2.utils.logging.LOG_LEVEL_DEBUG
+    finally:
+        cv2.utils.logging.setLogLevel(before)
+
+
 def test_camera_server_shows_part_where_it_is_now(tmp_path):
     poses = iter([(0.0, 0.0, 0.0), (60.0, 0.0, 0.0), None])
     take = rig(camera()).watcher(lambda: Look(next(poses)), seed=1)

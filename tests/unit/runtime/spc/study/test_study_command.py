@@ -14,7 +14,7 @@ from histories import TREE, drawn
 from sample_tables import several_table
 
 from drivers.camera.commands import audit
-from runtime.spc.history import Part, Squeezed
+from runtime.spc.history import NodeReading, Part
 from runtime.table import dump, load
 
 
@@ -126,7 +126,7 @@ def crossed_journals(folder, audited=True):
         located = []
         for number in range(30):
             width = round(widths[number % 10] + rng.normal(200.0 * cell, 300.0))
-            squeezes = (Squeezed(0, 0, width),)
+            squeezes = (NodeReading(0, 0, width),)
             located.append(Part(number, squeezes, "leaf", leaf=number % 3, **seen))
         paths.append(write(folder / f"cell{cell}{'' if audited else '-bare'}.jsonl", located))
     return paths
