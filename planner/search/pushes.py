@@ -52,7 +52,7 @@ class Pusher:
     """Proposes pushes and chooses among them."""
 
     def __init__(self, problem: Problem) -> None:
-        # Pushes depend more on the step than squeezes do: they use the step of the trials.
+        # Pushes depend more on the closing step than squeezes do: theirs is that of the final evaluation.
         job, mixture = problem.job, Mixture.of_job(problem.job, problem.mixture.workers)
         self.model, self.costs = replace(problem.model, simulator=mixture), problem.costs
         self.jaws, self._outlines = mixture.jaws, mixture.outlines
