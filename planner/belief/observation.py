@@ -12,7 +12,7 @@ from planner.job.model import Job
 
 SIGMAS = 6.0
 """Least distance of two widths that are distinguished, in standard deviations; 0.3 % are mistaken."""
-COARSE_MM = 0.4  # widths that the search may merge where there are very many
+COARSE_MM = 0.4  # range of widths that the search may treat as one reading
 MARGIN_MM = 1.0
 """Distance beyond the widths seen that a branch reaches, at most half a gap."""
 
@@ -68,9 +68,9 @@ class Resolution(NamedTuple):
 
     apart: float = 3.0  # least distance of two cluster means
     free: int = 225  # least reading of an empty hand
-    margin: int = 3  # steps beyond those read that a branch takes
+    margin: int = 3  # steps by which a branch extends beyond its readings
     grain: float = 1.0  # scatter of the readings of one width, at least a step
-    coarsest: int = 1  # steps that the search may merge
+    coarsest: int = 1  # most steps that the search may treat as one reading
 
 
 class Partition(NamedTuple):

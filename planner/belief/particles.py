@@ -18,14 +18,14 @@ RATIO = 1.2207440846057596  # the root of x^4 = x + 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Particles: poses, and traits that each keeps in all squeezes.
+    """Particles: poses, and latent parameters ("traits") that each particle keeps in all squeezes.
 
     For example, the friction of a particle's fingers is the same in every squeeze.
     """
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    # (n,) of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
+    # (n,) readings of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
     reading: IntArray
 
     @classmethod

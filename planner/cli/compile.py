@@ -31,7 +31,7 @@ NAME = "plan-compile"
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",

@@ -121,7 +121,8 @@ def _spaced(
     Args:
         course: tracks the progress.
         pause_s: least time between two lines.
-        last_s: time since the beginning at which a line counts as written; the first follows `pause_s` later.
+        last_s: time since the beginning at which a line counts as written; the first line follows `pause_s`
+            later.
         line: formats the course, a stage and its detail.
     """
 

@@ -49,7 +49,7 @@ Spared = Callable[[str], AbstractContextManager[None]]
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         first_plan.NAME,
         "Can this part be located by squeezing, and how well? Plans for a minute, asks nothing, says what it "

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on\n"

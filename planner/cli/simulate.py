@@ -139,7 +139,7 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "

@@ -250,7 +250,7 @@ def _encoder_off(mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The condition that the upper finger's share stays below `share`; if not `more`, above it."""
+    """The condition that the upper finger's share stays below `share`; above `share` if `more` is false."""
     side = "below" if more else "above"
     return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 

@@ -29,10 +29,10 @@ def states_of(table: Table, leaf: Leaf) -> Array:
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
     """The most frequent poses of the parts in one leaf, with their shares, in descending order.
 
-    At most `MOST_POSES`, each with `LEAST_SHARE` of the parts or more.
+    Returns at most `MOST_POSES` poses, each with `LEAST_SHARE` of the parts or more.
 
     Args:
-        poses: (n, 3 or 4) of the parts, n >= 1.
+        poses: (n, 3 or 4) poses of the parts, n >= 1.
         metric: the metric of the goal, which says what counts as one pose.
     """
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)

@@ -105,7 +105,7 @@ class Mistake(NamedTuple):
 class Identities(NamedTuple):
     """The names that leaves gave to parts, counted over all trials."""
 
-    names: tuple[str, ...]  # of the hypotheses
+    names: tuple[str, ...]  # names of the hypotheses
     named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none
 
     @property

@@ -148,8 +148,8 @@ def _branches(
 ) -> list[tables.Branch]:
     """Returns the branches `numbers` of a node.
 
-    If others are left out, each one is narrowed to the widths that select it in the whole node, and the
-    shares are scaled to add up to 1.
+    If other branches are left out, each of these is narrowed to the widths that select it in the whole node,
+    and the shares are scaled to add up to 1.
     """
     if len(numbers) == len(node.branches):
         return list(node.branches)

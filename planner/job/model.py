@@ -198,7 +198,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _of_document(document: dict[str, Any], folder: Path | None) -> Job:
     """Returns the job of a document, with a hypothesis for each part and face if there are several.
 
-    `folder` is that of the file in which a person drew the outline; None for the canonical form.
+    `folder` is the folder of the job file that a person wrote; None for the canonical form.
     """
     results: list[tuple[float, Job]] = []
     shares, listed = zip(*hypotheses.stated(document), strict=True)

@@ -124,7 +124,7 @@ class Cluster:
                 return result
 
     def _fail(self, error: Exception) -> NoReturn:
-        """Raises the error of an item: one about the cluster if that is the cause, else the function's."""
+        """Raises the error of an item; it is an `UnreachableError` if the cluster is the cause."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):

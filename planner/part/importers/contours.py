@@ -21,7 +21,7 @@ LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to
 
 # ISO 216, A0 to A5
 SHEETS_MM = np.array([(841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210)])
-MARGINS_MM = 50.0  # of both sides: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
+MARGINS_MM = 50.0  # margins of both sides together: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
 

@@ -1,7 +1,7 @@
 """Reads SVG drawings as a viewer shows them: resolves transforms and copies (`use`).
 
-The file is parsed by defusedxml, which refuses entities. The y axis of the picture points down, that of the
-part up.
+The file is parsed by defusedxml, which refuses entities. The y axis of the picture points down, the y axis of
+the part points up.
 """
 
 from xml.etree import ElementTree as Tree

@@ -183,6 +183,6 @@ class Scene:
             raise pieces.too_much(f"draws more than {shapes}")
 
     def _kind(self, element: Element) -> str:
-        """The name of an element without its namespace; "" if this is not that of the root."""
+        """The name of an element without its namespace; "" if the root has another namespace."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""
