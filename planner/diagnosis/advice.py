@@ -46,7 +46,7 @@ def gains_without_noise(
     The table stays the same; the sources are switched off one at a time.
 
     Returns:
-        One gain for each source, the largest first, then that of the run without any noise.
+        One gain for each source, the largest first, then the gain of the run without any noise.
     """
     seed = job.seed + SEED_NOISE
     cases = [Case(PLANNED), *noise_cases(job)]
@@ -84,7 +84,7 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # share that is rejected because the jaws read as closed although they hold it
+    pinched: float  # share that is rejected because jaws that hold the part read as closed
     unresolved: float  # share that ends in unresolved leaves
     at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies

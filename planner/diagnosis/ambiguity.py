@@ -63,7 +63,9 @@ class Ambiguity(NamedTuple):
     leaf: int  # index of the leaf
     share: float  # share of all parts that end at the leaf
     where: Whereabouts  # the main poses of these parts
-    separator: Separator | None  # squeeze for the first two poses; None: no squeeze tried does it
+    separator: (
+        Separator | None
+    )  # distinguishes the first two poses; None: no squeeze that was tried does
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""

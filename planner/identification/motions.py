@@ -26,7 +26,7 @@ STEP = 1e-2  # relative step of finite differences: a push is smooth except wher
 class Motions(NamedTuple):
     """Pushes by a round tip, and the resulting motions of the part."""
 
-    paths: Paths  # of the tip, in the part's frame at the start; they begin clear of the part
+    paths: Paths  # paths of the tip, in the part's frame at the start; they begin clear of the part
     moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
 
 

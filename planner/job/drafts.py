@@ -20,9 +20,7 @@ from runtime.shell.plain_text import cleaned
 from runtime.table import selectable
 
 GRIPPERS = selectable()  # profiles by model
-MIDDLE_SHARE = (
-    1 / 60
-)  # largest distance from the hand's middle to where fingers meet, as a share of the stroke
+MIDDLE_SHARE = 1 / 60  # share of the stroke by which fingers may meet off the hand's middle
 
 
 class Fingers(NamedTuple):

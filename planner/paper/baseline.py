@@ -40,8 +40,8 @@ class Baseline(NamedTuple):
 
     plan: SqueezePlan  # the squeezes
     bound: int  # upper bound on the squeezes of such a plan: 2 n - 1 for a hull of n vertices
-    real: Achieved  # in the job's stochastic contact world
-    ideal: Achieved  # in the same world with long jaws and no friction: only the order of contacts matters
+    real: Achieved  # results in the job's stochastic contact world
+    ideal: Achieved  # results with long jaws and no friction: only the order of contacts matters
     trials: int  # number of parts in each of the two worlds
 
     def figures(self) -> dict[str, Any]:
