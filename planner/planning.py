@@ -43,9 +43,7 @@ SQUEEZES = 3.0  # least mean number of squeezes that is assumed for a finished p
 CURSORY = 0.2  # share of a budget for the first pass, which may leave some parts without a plan
 REPAIRS = 0.15  # share of a budget for leaves that the last pass left open or that trials refute
 REPAIRABLE = 0.3  # share of the parts in open leaves below which repairs finish a tree
-TRACTABLE = (
-    0.1  # share of the parts in open leaves of the pass before, above which repairs take too long
-)
+TRACTABLE = 0.1  # share in open leaves of the pass before, above which a search takes too long
 # For progress: share of the work after the passes, and of this the share left after each round of trials.
 AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 

@@ -11,9 +11,7 @@ from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part import symmetry
 
-BOTH_SIDES = (
-    2.0  # largest difference of widths, in units of the distance of outlines: two fingers touch
-)
+BOTH_SIDES = 2.0  # largest difference of widths, in distances of outlines: two fingers touch
 ALL = 1.0 - 1e-9  # least share that counts as all parts
 ANGLES = 3600  # number of angles sampled within the uncertainty
 

@@ -63,9 +63,7 @@ class Ambiguity(NamedTuple):
     leaf: int  # index of the leaf
     share: float  # share of all parts that end at the leaf
     where: Whereabouts  # the main poses of these parts
-    separator: (
-        Separator | None
-    )  # distinguishes the first two poses; None: no squeeze that was tried does
+    separator: Separator | None  # distinguishes the first two poses; None: no squeeze tried does
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""

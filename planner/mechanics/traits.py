@@ -20,21 +20,11 @@ SHAPES = 2 + 2 * WAVES  # number of deviations of an outline, see `shapes`
 TRAITS = np.dtype(
     [
         ("hypothesis", np.int64),  # number of the part's hypothesis
-        (
-            "friction",
-            np.float64,
-        ),  # friction of fingers and part; `FRESH`: drawn anew for every squeeze
+        ("friction", np.float64),  # of fingers and part; `FRESH`: drawn anew for every squeeze
         ("share", np.float64),  # added to the upper finger's share of the closing
         ("surface", np.int64),  # number of the limit surface in the simulator
-        (
-            "dof",
-            np.int64,
-        ),  # degrees of freedom of that surface's scatter; 00: the job's degrees of freedom
-        (
-            "deviation",
-            np.float64,
-            SHAPES,
-        ),  # deviations of the outline, one for each of `shapes` [mm]
+        ("dof", np.int64),  # degrees of freedom of the surface's scatter; 0: as the job states
+        ("deviation", np.float64, SHAPES),  # one deviation for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # error of the encoder in proportion to the width
         ("across_mm", np.float64),  # offset of the hand along the closing direction

@@ -18,12 +18,8 @@ KEPT_DOUBT = 0.1  # `friction.doubt` in the job, at most, once both bounds are l
 SURE = 0.8  # least probability of another limit surface that replaces the job's
 OFF_MM = 0.5  # distance of the fingers' meeting point from the middle that asks for repair
 OFF = 0.02  # error of the upper finger's share that asks for repair
-DIGITS = {
-    "finger_share": 4,
-    "middle_mm": 3,
-    "encoder_mm": 3,
-    "encoder_gain": 5,
-}  # decimals in the job
+# Decimals of the values in a job.
+DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}
 
 
 class Finding(NamedTuple):

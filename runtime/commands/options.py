@@ -116,7 +116,7 @@ def run_options(
     """Builds the options of a run.
 
     Args:
-        arguments: of the command line.
+        arguments: the parsed command line.
         table: the table that the run executes.
         measured: calibration of the gripper; None takes its nominal widths.
 

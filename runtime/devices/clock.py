@@ -82,8 +82,8 @@ def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | No
     by at least the time since the boot.
 
     Args:
-        record: with `time`, `boot` and `up_s`, as a journal holds them.
-        now: the same of this moment.
+        record: a record with `time`, `boot` and `up_s`, as a journal holds them.
+        now: the same fields for this moment.
     """
     since_s, up_s = record.get("up_s"), now.get("up_s")
     if not (isinstance(since_s, int | float) and isinstance(up_s, int | float)):

@@ -45,7 +45,7 @@ class Delivery:
         }
 
     def of(self, hypothesis: int) -> Self:  # noqa: ARG002
-        """This delivery, whatever the hypothesis: there is only one part."""
+        """Returns this delivery for any hypothesis, since there is only one part."""
         return self
 
     def each(self) -> list[tuple[str, Self]]:
@@ -149,7 +149,7 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
 
     Raises:
-        InputError: a key of it is wrong.
+        InputError: a key of the delivery is wrong.
     """
     keys = (job or {}).get("delivery")
     if keys is None:

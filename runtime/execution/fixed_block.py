@@ -39,7 +39,7 @@ class Grip(NamedTuple):
     """One grip of the block."""
 
     hand_mm: float  # place of the hand along its y, relative to the stated place of the block
-    width_mm: float  # at which the jaws stopped
+    width_mm: float  # width at which the jaws stopped
 
 
 def gripping(table: Table, block_mm: float) -> Node:

@@ -33,7 +33,7 @@ LEVEL_MM = 0.05
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5  # largest turn in one motion of the arm
 SAVED_RAD = 0.2  # least effort, see `Hand.turn_to`, that half a turn of the hand must save
-LOOK_S = 0.05  # between two readings of a gripper that should come to rest
+LOOK_S = 0.05  # time between two readings of a gripper that should come to rest
 
 
 class Hand:
@@ -269,9 +269,9 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Closes the jaws at a node, and raises the force on what they met to that of the node.
+        """Closes the jaws at a node, and raises the force on what they met to the node's force.
 
-        Returns and raises as `meet`.
+        The result and the errors are those of `meet`.
         """
         return self.tighten(node, self.meet(node))
 
@@ -297,7 +297,7 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading.
+        """Raises a regulated squeeze's force, step by step, to the node's force; returns the last reading.
 
         If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
         """

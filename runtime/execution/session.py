@@ -28,7 +28,7 @@ def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate
     Args:
         gripper: the gripper.
         tell: receives a sentence before the fingers sweep.
-        activate: whether they may sweep.
+        activate: whether the fingers may sweep.
 
     Raises:
         GripperStateError: the gripper is inactive or in fault, and may not be activated or stays so; or it
@@ -84,7 +84,7 @@ def run_parts(
     """Prepares the gripper, and runs parts until they are done or one ends the run.
 
     Args:
-        numbers: of the parts; each is requested once the part before has its outcome.
+        numbers: the numbers of the parts; each is requested once the part before has its outcome.
         table: the table to execute.
         cell: devices and records.
         console: receives the events.

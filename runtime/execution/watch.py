@@ -80,11 +80,11 @@ class Watch:
     def squeeze(self, expected: Expected, patience: float = 1.0) -> Iterator[None]:
         """Context of a squeeze, which may last `patience` x `DEADLINE_FACTOR` times its expected duration.
 
-        To that the clock adds `LINK_MARGIN_S`.
+        The clock adds `LINK_MARGIN_S` to this time.
 
         Raises:
-            MotionRefusedError: it lasts longer because of the arm.
-            GripperStateError: it lasts longer because of anything else.
+            MotionRefusedError: the squeeze lasts longer because of the arm.
+            GripperStateError: the squeeze lasts longer because of anything else.
         """
         self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
         self._began = self._since = self._clock.now()

@@ -23,7 +23,7 @@ UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
 class Last(Enum):
     """What the hand may have been doing since a part's latest record was written."""
 
-    AWAY = "away"  # it touches nothing
+    AWAY = "away"  # the hand touches nothing
     PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
     PLACED = "placed"  # at the node's place, the squeeze may be under way
     SQUEEZED = "squeezed"  # the reading is decided, the part may still be held
@@ -44,7 +44,7 @@ class Replay:
         self.header: Entry = {}
         self.policy = Policy()
         self.closed = True  # whether the run's last record was seen
-        self.over = False  # whether its last part's outcome ends a run
+        self.over = False  # whether the outcome of the last part ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
         self.parts = 0  # parts with an outcome
         # The node of the latest squeeze, and the target of its reading: None before the reading, and after
@@ -115,7 +115,7 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields the contradictions between part and node of a record and those that the path leads to."""
+        """Yields the contradictions between a record's part and node and the part and node of the path."""
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

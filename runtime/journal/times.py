@@ -12,7 +12,7 @@ from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 class Times(NamedTuple):
     """Statistics of the time that the parts of a journal took."""
 
-    parts: int  # with an outcome and seconds
+    parts: int  # number of parts with an outcome and seconds
     squeezes: int
     phases: dict[str, float]  # mean seconds a part, by the name of the phase
     figures: dict[str, float]  # from `runtime.table.takt`; empty without a part

@@ -18,10 +18,10 @@ class Loss(NamedTuple):
 
     kind: str  # an outcome, "audit" or "delivery"
     squeeze: int  # number of squeezes before the loss
-    node: int | None  # of the last squeeze; None without one
+    node: int | None  # node of the last squeeze; None without one
     width_mm: float | None  # width read there
     reason: str
-    part: int  # number of the latest one
+    part: int  # number of the latest such part
     parts: int  # number of such parts
 
 

@@ -68,7 +68,7 @@ def _refused(content: str, file: Path) -> InputError:
 
 
 class Trust:
-    """The trusted clients: those of a folder, or only the first one to connect.
+    """The trusted clients: those with a certificate in a folder, or only the first one to connect.
 
     Args:
         pinned: the file for the certificate of the first client.

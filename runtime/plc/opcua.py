@@ -26,10 +26,11 @@ from runtime.plc.server import PlcServer
 from runtime.plc.station import Glance
 from runtime.plc.vision import Job, Result, VisionState, waits
 
-CLOSING_S = 5.0  # for connections to close at the end
-LONGEST_TEXT = 100  # of an argument
+CLOSING_S = 5.0  # time for connections to close at the end
+LONGEST_TEXT = 100  # most characters of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
-BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
+# URI of the product, and of a server without a certificate.
+BARE_URI = "urn:squeezetree:grasp-runtime"
 DONE = (0, "")  # outputs `error` and `message` of a successful command
 REASONS = {
     Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
@@ -57,9 +58,9 @@ class OpcUaServer(PlcServer):
 
     Args:
         listener: the socket.
-        exchange: between the server and the run; its station needs no heartbeat, since sessions have one.
-        panel: the values.
-        security: of the endpoint, None for an unencrypted one.
+        exchange: connects the server with the run; its station needs no heartbeat, since sessions have one.
+        panel: the values that the server shows.
+        security: keys and trusted clients of the endpoint; None for an unencrypted one.
     """
 
     def __init__(

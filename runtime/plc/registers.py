@@ -12,7 +12,7 @@ from runtime.plc.handshake import Error
 
 WRITTEN_AT = 0
 READ_AT = 100
-UNKNOWN = 0xFFFF  # of one word: unknown, or too large for it
+UNKNOWN = 0xFFFF  # value of one word: unknown, or too large for a word
 OUTCOMES = ("none", "located", "rejected", "unresolved", "fault")
 HEARTBEAT_LIMIT_S = 3.0
 

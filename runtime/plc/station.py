@@ -44,12 +44,12 @@ class Answer(NamedTuple):
     face: int = 0
     expected_error: int = 0
     expected_error_p95: int = 0
-    # from the part's first motion to its outcome; NaN where this was not measured
+    # seconds from the part's first motion to its outcome; NaN where not measured
     seconds: float = nan
 
 
 EMPTY = Answer()
-FAULT = 4  # of `Answer.outcome`
+FAULT = 4  # value of `Answer.outcome`
 _ADDRESSES = {register.address: register for register in WRITTEN}
 
 
@@ -105,7 +105,7 @@ class Station:
         beats: whether the PLC has to change `heartbeat_in` regularly.
 
     Attributes:
-        state: of the handshake.
+        state: state of the handshake.
         order: the current part, None between two.
         enabled: whether triggers count.
         error_id: an `Error`, or the exit code of a fault.

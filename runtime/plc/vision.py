@@ -156,7 +156,7 @@ class Result(NamedTuple):
     Face: int  # 0 as drawn, 1 turned over
     ErrorId: int  # exit code of a fault, 0 otherwise
     ExitCode: int
-    Seconds: float  # from the part's first motion to its outcome; NaN where this was not measured
+    Seconds: float  # time from the part's first motion to its outcome; NaN where not measured
 
 
 NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, "", 0, 0, 0, nan)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
-MAX_BYTES = 2 << 20  # of a file
+MAX_BYTES = 2 << 20  # largest size of a file
 FAR = 10**9  # bound of values that have no other
 
 FLAG = "flag"  # 0 or 1, a bool in the records
@@ -25,7 +25,7 @@ class Field(NamedTuple):
     least: int | str = 0  # bounds of an int, or of the length of other types
     most: int | str = FAR
     type: str = "int"  # one of `TYPES`
-    name: str = ""  # the attribute's, dotted for nested records
+    name: str = ""  # name of the attribute, dotted for nested records
 
     def bounds(self, table: Any) -> tuple[int, int]:
         """Returns the least and the greatest allowed value or, for text and bytes, the allowed lengths."""

@@ -156,7 +156,7 @@ def _plugged_in(model: str, name: str) -> GripperProfile | None:
 
     Args:
         model: the model's name, for messages.
-        name: the same as `_normalised`.
+        name: the result of `_normalised` for this name.
 
     Raises:
         TableError: the profile cannot be loaded, or is invalid.

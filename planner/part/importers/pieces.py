@@ -50,9 +50,7 @@ class Lost(NamedTuple):
     """A shape of a drawing that is not read and may be the part's outline."""
 
     what: str  # description and reason, for people
-    box: Array | None = (
-        None  # (2, 2) least and greatest coordinates of the shape [mm]; None: unknown
-    )
+    box: Array | None = None  # (2, 2) least and greatest coordinates [mm]; None: unknown
 
 
 class Pieces(NamedTuple):

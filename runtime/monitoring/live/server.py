@@ -50,7 +50,7 @@ def parse(text: str, option: str = "--http") -> Address:
     """Parses an address in the form of an option.
 
     Raises:
-        UsageError: it is not an address.
+        UsageError: the text is not an address.
     """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
@@ -78,7 +78,8 @@ def served(
         risk: what a client at the address may do.
 
     Raises:
-        UsageError: it is not such an address, or may be reached by other machines without permission.
+        UsageError: the text is not such an address, or the address may be reached by other machines without
+        permission.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:

@@ -142,8 +142,8 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 class Planned(NamedTuple):
     """Numbers of parts after which a study accepts a cell."""
 
-    least: int  # if no part fails
-    likely: int | None  # with probability `POWER`; None where that takes more than `MOST_PARTS`
+    least: int  # number of parts if no part fails
+    likely: int | None  # number for probability `POWER`; None if above `MOST_PARTS`
 
 
 def planned(limit: float, expected: float | None) -> Planned:

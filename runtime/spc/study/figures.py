@@ -24,7 +24,7 @@ class GaugeRow(NamedTuple):
 
     leaf: int | None  # None for the whole table
     readings: int
-    studies: Mapping[str, TypeOne]  # by coordinate, for those with a tolerance in the goal
+    studies: Mapping[str, TypeOne]  # by coordinate, if the goal has a tolerance for it
 
     def fields(self) -> dict[str, object]:
         """The values as JSON types."""
@@ -43,7 +43,7 @@ class Study:
     curve: tuple[Acceptance, ...]
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]
-    crossed: Mapping[str, Crossed]  # by quantity; empty if not requested
+    crossed: Mapping[str, Crossed]  # studies by quantity; empty if not requested
     planned: Planned
 
     @property
@@ -159,7 +159,7 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
     the coordinates of the leaf's pose, if every part was located.
 
     Args:
-        runs: one for each journal, of one table.
+        runs: the history of each journal; all journals have one table.
         parts: number of parts, which each run measures again and again in the same order.
 
     Raises:
