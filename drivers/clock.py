@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 # One transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms).
 LINK_TIMEOUT_S = 0.5
 LATE_LOOKS = 3  # number of reads after a deadline
-POLL_S = 0.005  # between two polls of a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
+POLL_S = 0.005  # time between two polls of a busy device; 2F grippers refresh at 200 Hz ([M16] p55)
 
 
 class Clock:

@@ -10,8 +10,8 @@ from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
 from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
 from drivers.stream import closed_on_error
 
-ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
-MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
+ECHO_S = 1.0  # time within which the request is echoed ([SDK] gripper.cpp of Robotiq)
+MOVE_MARGIN_S = 2.0  # time beyond stroke / speed: start, contact detection, settling
 READINGS = 3  # number of readings in a row that must agree before a width is accepted
 WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Seen = TypeVar("Seen")
@@ -53,10 +53,10 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     Every wait has a deadline, and every write whose answer was lost is reported.
 
     Args:
-        link: connection to the device, closed with the gripper, also when the first reading fails.
+        link: connection to the device; it is closed with the gripper, and also if the first reading fails.
         pace: device time.
         report: receives every retry and failure.
-        profile: of the expected gripper; None: the usual one of the make.
+        profile: profile of the expected gripper; None: the usual profile of the make.
         read_only: whether writes are refused.
     """
 
@@ -90,7 +90,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Waits until the last move has ended and the fingers are at rest.
 
         The device must have received the request, readings must no longer be of the previous move, and
-        `READINGS` of them in a row must report the end of the move at positions that agree within `spread`.
+        `READINGS` readings in a row must report the end of the move at positions that agree within `spread`.
 
         Raises:
             GripperFault: no move was requested, the request changed, or the move does not settle in time.
@@ -123,7 +123,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         """Reads the device for the first time; returns the profile of the connected gripper.
 
-        `profile` is that of the expected gripper.
+        `profile` is the profile of the expected gripper.
         """
 
     @abstractmethod

@@ -35,9 +35,9 @@ GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 SUMMED = (
     *("parts", "squeezes", "transactions", "crashes", "delivered"),
-    "halts",  # of the arm's controller
+    "halts",  # halts of the arm's controller
     "leaves_outside_goal",  # parts that a leaf states wrongly, by more than the goal
-    "predicted_outside",  # the number of them that the success rates of the leaves predict
+    "predicted_outside",  # the number of such parts that the success rates of the leaves predict
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
@@ -215,13 +215,13 @@ class Counts:
     """Results of one run, or their sums over many: counts, extremes and findings."""
 
     seed: int
-    sums: Counter[str] = field(default_factory=Counter)  # of the quantities `SUMMED`
+    sums: Counter[str] = field(default_factory=Counter)  # sums of the quantities `SUMMED`
     wrist_deg: tuple[float, float] = (math.inf, -math.inf)  # least and greatest angle of the wrist
     silent_s: float = 0.0  # longest time without a notification of the watchdog
     outcomes: Counter[str] = field(default_factory=Counter)  # parts by outcome
     met: Counter[str] = field(default_factory=Counter)  # injected faults by kind
     findings: list[str] = field(default_factory=list)
-    digest: str = ""  # of all records of the journal
+    digest: str = ""  # digest of all records of the journal
     last: PartResult | None = None  # result of the last part
 
 

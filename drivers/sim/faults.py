@@ -23,11 +23,11 @@ class Kind(NamedTuple):
     """A class of faults: its name, its channel, and the ranges of its random parameters."""
 
     name: str  # name in schedules
-    channel: Channel  # its events
+    channel: Channel  # channel whose events the fault counts
     low: float  # least `value` in a random schedule
-    high: float  # largest
+    high: float  # largest `value` in a random schedule
     lasts: int  # longest duration in a random schedule, in events
-    meaning: str  # effect of the fault; `value` in it is that of the `Fault`
+    meaning: str  # effect of the fault; `value` in it means `Fault.value`
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
@@ -98,7 +98,7 @@ BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCEN
 class Fault(NamedTuple):
     """A scheduled fault, in effect from event `at` to `at + length - 1` of a part.
 
-    Events are those of its channel, counted from 0 for each part.
+    Events are the events of the fault's channel, counted from 0 for each part.
     """
 
     kind: str  # name of its `Kind`

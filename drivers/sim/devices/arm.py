@@ -37,7 +37,7 @@ class Answer(NamedTuple):
     text: str | None  # what is sent; None: nothing, the server disconnects
     ready_s: float  # time of the answer; infinity: never, RAPID execution has stopped
     broken: bool = False  # the connection breaks at once, the motion goes on
-    before: str = ""  # sent first, though it answers nothing
+    before: str = ""  # text that is sent first, though it answers nothing
 
 
 class Leg(NamedTuple):
@@ -86,9 +86,10 @@ class ArmModel:
 
     Args:
         base: the arm's base frame in the world.
-        acceleration: of straight motions, mm/s2 and deg/s2; None: the arm reaches its speed at once.
-        desk: gives the current faults; None: never any.
-        seed: of displacements of the hand.
+        acceleration: acceleration of straight motions, mm/s2 and deg/s2; None: the arm reaches its speed at
+            once.
+        desk: gives the current faults; None: there are no faults.
+        seed: seed of displacements of the hand.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class ArmModel:
     ) -> None:
         self._acceleration = acceleration
         self._desk, self._rng = desk or Desk(Listed()), random.Random(f"{seed}/arm")
-        self.halted = ""  # why RAPID execution has stopped; empty: it has not
+        self.halted = ""  # why RAPID execution has stopped; empty: it runs
         self.moves = 0  # number of motions so far
         self._base = base
         self._message = rapid.Message()
@@ -169,7 +170,7 @@ class ArmModel:
         """Executes one received string; does nothing after the program has halted.
 
         Raises:
-            RapidError: too many parameters, for which the server disconnects and listens again.
+            RapidError: there are too many parameters, for which the server disconnects and listens again.
         """
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
@@ -272,7 +273,7 @@ class ArmModel:
         """Adds a straight motion that starts at `now_s`; returns the time of its end.
 
         Raises:
-            HaltError: a point of it is out of reach, or beyond the limits of a joint.
+            HaltError: a point of the motion is out of reach, or beyond the limits of a joint.
         """
         here, joints = self.flange_at(now_s), self.joints_at(now_s)
         ends = joints
@@ -310,7 +311,7 @@ class ArmModel:
 
         Args:
             ways: length of the path and angle of the turn, mm and deg.
-            speeds: of path and turn, mm/s and deg/s.
+            speeds: speeds of path and turn, mm/s and deg/s.
         """
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0

@@ -35,7 +35,7 @@ DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest
 class DhModel(Fingers):
     """A DH gripper from power-up on. Times are simulated seconds and never go back.
 
-    It has no fault register, so gFLT faults do not apply.
+    The gripper has no fault register, so gFLT faults do not apply.
     """
 
     MODEL = MODEL
@@ -100,7 +100,7 @@ class DhModel(Fingers):
     def _initialise(self, how: int) -> None:
         """Starts the initialisation: the fingers search for one end stop or, to learn the stroke, for both.
 
-        `how` is the value written to the register; `INITIALISE` is the search for one.
+        `how` is the value written to the register; `INITIALISE` is the search for one end stop.
         """
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)

@@ -54,7 +54,7 @@ class Stroke(NamedTuple):
 class ObjectFlag(NamedTuple):
     """The object state that a register shows during a stroke: it follows the fingers with a lag.
 
-    It is `old` until `moving_s`, then `OBJ_MOVING`, and `outcome` from `outcome_s` on.
+    The state is `old` until `moving_s`, then `OBJ_MOVING`, and `outcome` from `outcome_s` on.
     """
 
     old: int
@@ -78,13 +78,13 @@ class Fingers(ABC):
     Args:
         rng: draws the lags.
         surroundings: what the fingers may meet; None: nothing.
-        profile: of the model; None: that of `MODEL`.
-        desk: gives the current faults; None: never any.
+        profile: profile of the model; None: the profile of `MODEL`.
+        desk: gives the current faults; None: there are no faults.
     """
 
     MODEL: str
     CLOSING = -1.0
-    CYCLE_S = 0.005  # between two refreshes of the registers
+    CYCLE_S = 0.005  # time between two refreshes of the registers
     LAG_CYCLES = (1, 5)  # lag of a state behind its cause
 
     def __init__(
@@ -98,7 +98,7 @@ class Fingers(ABC):
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._desk = desk or Desk(Listed())
-        self._faults: list[Fault] = []  # at the last event
+        self._faults: list[Fault] = []  # faults in effect at the last event
         self._last: int | None = None  # last position read, for a frozen reading
         self._now = self._shown_s = 0.0
         self._begin()
@@ -127,7 +127,7 @@ class Fingers(ABC):
 
     @abstractmethod
     def _arrived(self) -> None:
-        """Called when a stroke has ended; a make continues what it was doing."""
+        """Called when a stroke has ended; the model of a make then continues its current procedure."""
 
     @abstractmethod
     def _dropped(self) -> None:
@@ -188,7 +188,7 @@ class Fingers(ABC):
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
         """Returns the position that the device reports for a true one: changed by the current faults, if any.
 
-        Positions are from 0 to `most`; the values of the faults are in 255ths of it.
+        Positions are from 0 to `most`; the values of the faults are in 255ths of `most`.
         """
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in self._faults}
         if "count_frozen" not in values or self._last is None:

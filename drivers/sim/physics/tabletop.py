@@ -30,7 +30,7 @@ class TableTop:
 
     Args:
         setting: part and world.
-        seed: of parts, world and encoder noise.
+        seed: seed of parts, world and encoder noise.
         desk: gives the faults of the part; a closing of the jaws is one event.
     """
 
@@ -117,7 +117,7 @@ class TableTop:
 
         Args:
             start: grasp pose before the motion.
-            end: grasp pose after it.
+            end: grasp pose after the motion.
             opening_mm: opening of the jaws.
         """
         push = getattr(self._world, "push", None)
