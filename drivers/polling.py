@@ -60,7 +60,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         read_only: whether writes are refused.
     """
 
-    # device seconds after a request in which a reading may still be of the previous move
+    # device seconds after a request in which a reading may still belong to the previous move
     stale_s = 0.0
     spread = 0  # largest distance between readings of fingers at rest, in the device's steps
 
@@ -89,7 +89,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     def wait(self) -> Settled:
         """Waits until the last move has ended and the fingers are at rest.
 
-        The device must have received the request, readings must no longer be of the previous move, and
+        The device must have received the request, readings must no longer belong to the previous move, and
         `READINGS` readings in a row must report the end of the move at positions that agree within `spread`.
 
         Raises:

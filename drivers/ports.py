@@ -119,7 +119,7 @@ class GripperProfile:
     def counted_um(self, count: int) -> int:
         """Converts a position count of the device to a width; only for profiles with `counts`.
 
-        Also converts counts beyond those of the open and closed jaws.
+        Also converts counts beyond the counts of the open and closed jaws.
         """
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
@@ -131,7 +131,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
+    """State of a gripper according to one reading. Widths are nominal, see `GripperProfile`."""
 
     activated: bool  # whether the gripper is ready to move, as after `activate`; a fault may still forbid it
     moving: bool  # whether the fingers are moving

@@ -223,7 +223,7 @@ def finished(
     if not kept[0]:
         raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) for node in table.nodes) - sum(map(len, kept))
-    # Only the leaves change: those that trials refute become unresolved. Branches keep their shares.
+    # Only leaves change: refuted leaves become unresolved. Branches keep their shares.
     table = replace(table, leaves=with_figures(table, run, job)[0].leaves)
     return Planned(pruned(root, kept), without_untried(table, kept), untried, trials, cut)
 

@@ -63,7 +63,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes commands to gripper and arm; records as findings those that no recent reading justifies."""
+    """Observes commands to gripper and arm; records a finding for each that no recent reading justifies."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf  # time of the last reading; -inf after a command to the jaws

@@ -114,8 +114,8 @@ def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], 
 class Wrist(NamedTuple):
     """Sum of hand angle and last axis when the joints were last read; predicts the hand's range elsewhere.
 
-    The hand points down. Its angle grows with that of axis 1, which points up, and falls with that of the
-    last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
+    The hand points down. Its angle grows with the angle of axis 1, which points up, and falls with the angle
+    of the last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
     """
 
     whole_rad: float  # the sum, whole turns counted

@@ -1,6 +1,6 @@
 """Cost of actions in units of a typical squeeze: by their seconds, or 1 for each squeeze.
 
-The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
+The table's model of time (`runtime.table.timing`) gives the seconds, from where the hand stands after
 the previous squeeze to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
 counts squeezes, and the price of a part that is not located hold for both objectives.
 """

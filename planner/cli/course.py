@@ -78,7 +78,7 @@ class _Course:
     """Tracks the progress of a command's work, and estimates its end."""
 
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
-        self.share = 0.0  # of the whole work, never less than before
+        self.share = 0.0  # share of the whole work, never less than before
         self._whole, self._clock, self._begun = whole, clock, clock()
         self._first: tuple[float, float] | None = None  # seconds and value of the first known share
         self.known = False  # whether the latest report had a known share, less than 1

@@ -66,7 +66,7 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
     A path without a suffix, or with a suffix that is not in `FORMATS`, is allowed, too.
 
     Raises:
-        UsageError: the suffix is that of another format.
+        UsageError: the suffix belongs to another format.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         name = path.with_suffix(suffix)
@@ -193,7 +193,7 @@ Body = Callable[[argparse.Namespace], int | None]
 
 
 def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
-    """The `main` of a command: takes its arguments (None: those of the process), returns its exit code."""
+    """The `main` of a command: takes the arguments (None: the process's own), returns the exit code."""
     return lambda argv=None: run(parser(), argv, body)
 
 

@@ -89,7 +89,7 @@ class Advice(NamedTuple):
     at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
     gains: Sequence[Gain]  # cost of each source of noise; empty if not measured
-    proposing: bool  # whether the search proposed placements besides those of the job
+    proposing: bool  # whether the search proposed placements besides the job's
     shares: Shares  # of parts located, rejected and unresolved, rounded as in other reports
     margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
 
@@ -163,7 +163,7 @@ def counsel(
 ) -> Advice:
     """Returns the advice on a plan with gains and margins, for which it runs trials.
 
-    `table` and `evaluation` are those of a plan of `planner.compile.compile_job`.
+    `table` and `evaluation` come from a plan of `planner.compile.compile_job`.
     """
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)

@@ -201,7 +201,7 @@ def assumption_cases(job: Job) -> list[Case]:
 
 
 def on_three_feet(job: Job) -> Case:
-    """The case of a part on three of its corners: those of the hull that span the largest triangle."""
+    """The case of a part that stands on the three corners of its hull with the largest triangle."""
     corners = stances(job.part.outline_mm)
     widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
     points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}

@@ -18,7 +18,7 @@ JEFFREYS = 0.5  # both parameters of the beta distribution that is Jeffreys' pri
 
 
 class LeafRecord(NamedTuple):
-    """Predicted and observed success of one leaf; the fields are those of the JSON output."""
+    """Predicted and observed success of one leaf; its fields are the fields of the JSON output."""
 
     leaf: int  # index of the leaf
     visits: int  # trials that ended at the leaf

@@ -64,7 +64,7 @@ class Program:
     lookup: Lookup
     target: IntArray  # (s,) target of each segment: a node, ~leaf, or `DISMISSED`
     drag: Array  # (s, 2) how far the hand then carries a held part before the jaws open [mm]
-    encoder: Encoder  # of the table's gripper
+    encoder: Encoder  # encoder of the table's gripper
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -170,7 +170,7 @@ class Cell:
     def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
         """Poses (n, 3) after the pushes at the parts' nodes; mask (n,) of parts that a finger came down on.
 
-        The arguments are those of `come_down`.
+        See `come_down` for the arguments.
 
         Raises:
             UsageError: the world cannot push.

@@ -150,7 +150,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
 
 def _entries_with(entries: Any, section: str, values: Mapping[str, Any]) -> Any:
-    """Returns a list of entries in which those that state a section have these values in it."""
+    """Returns a list of entries; entries that state the section get these values in it."""
     if not isinstance(entries, list):
         return entries  # an invalid list is refused later
     return [

@@ -59,7 +59,8 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
-    # The hypotheses; None if there is only one. Part, pressure and friction above are those of the first.
+    # The hypotheses; None if there is only one. Part, pressure and friction above belong to the first
+    # hypothesis.
     hypothesis: tuple[Hypothesis, ...] | None = None
     foreign: tuple[ForeignPart, ...] | None = None
 

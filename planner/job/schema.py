@@ -140,7 +140,7 @@ class Uncertainty:
 class Actions:
     """Actions from which each node of the tree chooses: grasp poses for squeezes, and optional pushes.
 
-    The grasp poses are all pairs of an angle and a centre, and those that the node's belief suggests.
+    The grasp poses are all pairs of an angle and a centre, and poses that the node's belief suggests.
     """
 
     # Angles of the hand's x axis in the world.
@@ -206,16 +206,16 @@ class Cell:
     ]
     # Height of the tips above the table while the arm travels.
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
-    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # of the tips while squeezing
+    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # of tips in a squeeze
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
-    max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
+    max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # closing speed
     # None, here and below: the value of `runtime.table.timing.DEFAULTS`, which the job's text leaves out.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)]
     # Height of the tips between two squeezes of one part; None: just above the part.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     arm_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each motion
     jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each stroke
-    poll_s: Annotated[float | None, Number(0, 1, default=None)]  # between two polls of the gripper
+    poll_s: Annotated[float | None, Number(0, 1, default=None)]  # time between two polls
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,7 +49,7 @@ class Space(NamedTuple):
     def of(cls, job: Job, surfaces: int) -> Self:
         """Returns the space of a job's cells: the intervals of their constant errors and friction.
 
-        The intervals are those of the job, widened to the errors and the friction that are usual in cells. A
+        The job's intervals are widened to the errors and the friction that are usual in cells. A
         quantity whose interval has no width is left out.
         """
         doubt, friction = job.doubt, job.friction

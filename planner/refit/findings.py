@@ -117,7 +117,7 @@ def surface_shares(posterior: Posterior) -> Array:
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """The new values of the job by section and key, without those that the journals do not determine."""
+    """The job's new values, by section and key; values that the journals do not determine are left out."""
     every = findings(posterior, cells)
     record = {finding.quantity: finding for finding in every if finding.learned}
     doubt: dict[str, Any] = {

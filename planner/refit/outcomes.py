@@ -1,4 +1,4 @@
-"""Numbers the outcomes of a table's parts, so that those of journals and of simulated parts can be compared.
+"""Numbers the outcomes of a table's parts, to compare the outcomes of journals and of simulated parts.
 
 An outcome is a reading at a node or, at an audited leaf, a residual: the measured less the predicted pose.
 """

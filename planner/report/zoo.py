@@ -27,7 +27,8 @@ LEAST_MM = 1.0  # least radius of the uncertainty; an outline that allows less i
 LONGEST_NAME = 80  # most characters of a part's name in a job
 ERROR = "error of the program"
 RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
-KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")  # of a plan's summary
+# Figures of a plan that are kept.
+KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")
 Figures = dict[str, Any]
 
 
@@ -41,7 +42,7 @@ class Item(NamedTuple):
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; returns the figures, or those of an error.
+    """Plans an outline and evaluates its table; returns the figures, or a record of an error.
 
     Raises:
         UnreachableError: the only error that is not reported in the figures.

@@ -113,7 +113,7 @@ def _first(job: Job, actions: ActionSet) -> Array:
 
 
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
-    """The placements (k, 3) without those that a turn about the origin maps to an earlier one.
+    """The placements (k, 3), without placements that a turn about the origin maps to an earlier one.
 
     Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
     placements `common` (m, 3) are available to every squeeze of the plan; a turn counts only if it maps them

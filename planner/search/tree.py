@@ -63,7 +63,7 @@ class Action:
 
     Attributes:
         squeeze: what the hand does.
-        children: in the order of the partition.
+        children: the children in the order of the partition.
         value: expected cost from the node on.
         origin: input of the partition; None in plans of the paper's method.
     """

@@ -43,7 +43,7 @@ class Studio(ThreadingTCPServer):
         self.answers.reader.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores a broken connection, such as that of a closed tab; prints other errors on the terminal."""
+        """Ignores broken connections, as a closed tab leaves them; prints other errors on the terminal."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 

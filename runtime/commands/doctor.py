@@ -98,7 +98,7 @@ def findings(
     known: calibration.GripperCalibration | None,
     drivers: Drivers,
 ) -> Iterator[Finding]:
-    """Yields the findings of all checks; a check comes after those that it depends on."""
+    """Yields the findings of all checks; a check comes after the checks on which it depends."""
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))

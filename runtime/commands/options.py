@@ -172,7 +172,7 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 def arc_of(
     arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> TipArc | None:
-    """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
+    """The arc of the finger tips: as `--tips` states, else as measured, else the arc of the gripper's model.
 
     None for tips that move straight, where a person is the gripper or the arm, and in a simulated cell unless
     `--tips` states an arc.

@@ -213,8 +213,8 @@ def _parsed(record: object) -> GripperCalibration:
 def curve(gauges: Sequence[Gauge]) -> Callable[[float], float]:
     """The width, mm, as a function of the reading, um: a monotone cubic spline through the gauged points.
 
-    Beyond the outermost points the function continues straight. Its slope is continuous, like that of the
-    fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    Beyond the outermost points the function continues straight. Its slope is continuous, like the slope of
+    the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
     points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
     x = [reading_um for reading_um, _ in points]

@@ -1,9 +1,9 @@
 """Measures where the fingers meet: grips a fixed block with the hand at two angles half a turn apart.
 
 The block cannot move, so that the first finger to touch it stops both. Along the hand's y let h be the place
-of the hand, b that of the block, and m the distance from the hand's middle at which the fingers meet on the
-block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a width
-w = W + v, then
+of the hand, b the place of the block, and m the distance from the hand's middle at which the fingers meet on
+the block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a
+width w = W + v, then
 
     h = b - m - s v          where the upper finger touches first,
     h = b - m + (1 - s) v    where the lower finger does.

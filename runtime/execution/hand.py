@@ -62,7 +62,7 @@ class Hand:
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
         self._half_turn = pi if close_alike(table) else tau
-        self._off_rad = 0.0  # angle of the hand beyond that of the plan: 0 or half a turn
+        self._off_rad = 0.0  # angle of the hand beyond the plan's angle: 0 or half a turn
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None: unknown
@@ -227,7 +227,7 @@ class Hand:
 
     @contextmanager
     def limited(self, limits: Limits) -> Iterator[None]:
-        """Context in which the hand obeys other limits, such as those of a delivery."""
+        """Context in which the hand obeys other limits, such as the limits of a delivery."""
         before, self.limits = self.limits, limits
         try:
             yield
@@ -271,7 +271,7 @@ class Hand:
     def close(self, node: Node) -> Settled:
         """Closes the jaws at a node, and raises the force on what they met to the node's force.
 
-        The result and the errors are those of `meet`.
+        See `meet` for the result and the errors.
         """
         return self.tighten(node, self.meet(node))
 
@@ -341,7 +341,7 @@ class Hand:
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Moves straight to a place, in several motions if the hand turns by more than `MOST_TURN_RAD`.
 
-        The speed is that of the arm's limits, unless another is given.
+        The speed is the limits' travel speed, unless another is given.
         """
         safety.check_target(_beside(target, self.middle_mm), self.limits)
         start = self._place()

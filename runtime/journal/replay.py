@@ -24,8 +24,8 @@ class Last(Enum):
     """What the hand may have been doing since a part's latest record was written."""
 
     AWAY = "away"  # the hand touches nothing
-    PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
-    PLACED = "placed"  # at the node's place, the squeeze may be under way
+    PUSHING = "pushing"  # the hand is between the first push and the place of the squeeze
+    PLACED = "placed"  # the hand is at the node's place; the squeeze may be under way
     SQUEEZED = "squeezed"  # the reading is decided, the part may still be held
 
 

@@ -1,4 +1,4 @@
-"""Certificates of an OPC UA server: its own, self-signed and created once, and those of trusted clients.
+"""Certificates for an OPC UA server: the server's, self-signed and created once, and the trusted clients'.
 
 A client's certificate must be the pinned one, or one of a folder; its dates and its issuer are not checked.
 The secure channel proves that the client holds the key.

@@ -15,7 +15,7 @@ from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, OUTCOMES, READ, UNKNOWN, WRITTEN, words
 from runtime.table import takt_figures
 
-BEAT_S = 0.25  # between two changes of `heartbeat_out`
+BEAT_S = 0.25  # time between two changes of `heartbeat_out`
 
 
 class Refusal(IntEnum):

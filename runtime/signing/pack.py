@@ -135,7 +135,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
-    # the folder of a link, and that of the file to which it leads
+    # the folder of a link, and the folder of the file to which it leads
     folders = sorted({tree.parent.resolve(), tree.resolve().parent})
     for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:

@@ -181,7 +181,7 @@ def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
             return 0.0, inf
     else:
         nearest = branches[squeeze.branch]
-    # An interval contains all widths seen in planning: its scatter is at most that of an even
+    # An interval contains all widths seen in planning: its scatter is at most the scatter of an even
     # distribution.
     spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
     return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)

@@ -50,7 +50,7 @@ def decode(data: bytes) -> Table:
     """The table in some bytes, without validation.
 
     Raises:
-        TableError: the bytes are not exactly those that `encode` gives for a table; the message gives the
+        TableError: the bytes are not exactly the bytes that `encode` gives for a table; the message gives the
             first reason.
     """
     payload = _unpacked(_payload(data), "the payload")

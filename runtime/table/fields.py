@@ -37,7 +37,7 @@ class Field(NamedTuple):
 
 
 def fields_of(record: Any, *only: str) -> tuple[Field, ...]:
-    """The fields that annotate a record's class, in order, including those of nested records.
+    """The fields that annotate a record's class and the nested records, in order.
 
     Args:
         record: the class.

@@ -108,7 +108,7 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    # from the request of an arm motion to the confirmation of its end, without the motion itself
+    # time from the request of an arm motion to the confirmation of its end, less the motion itself
     arm_answer_s: float
     jaw_answer_s: float  # this time for a stroke of the jaws, which ends with three equal readings
     poll_s: float  # time to read the jaws once, or to send them a request

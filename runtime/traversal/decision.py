@@ -72,9 +72,9 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 class Policy:
     """Actions after a reject or an unresolved leaf, in order; each is taken once. The last ends the part."""
 
-    # after a reading that no branch has
+    # actions after a reading that no branch has
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
-    # after a leaf that is not resolved
+    # actions after a leaf that is not resolved
     on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
 
     @classmethod

@@ -55,7 +55,7 @@ def families_seen(picture: Picture) -> list[str]:
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
     """Detects tags; returns the id and the coarse corners (4, 2) of each.
 
-    OpenCV 4 and 5 return corners of different shapes, and None where there are no tags.
+    OpenCV 4 and 5 return arrays of corners of different shapes, and None if there are no tags.
     """
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
     padded = cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)

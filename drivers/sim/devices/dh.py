@@ -1,6 +1,6 @@
 """A gripper of DH-Robotics' AG or PGC series as a state machine over simulated time; no I/O, no clock.
 
-The registers are those of `drivers.dh.registers`. Where the manuals are unclear, the device behaves
+`drivers.dh.registers` lists the registers. Where the manuals are unclear, the device behaves
 adversely, so that a driver relies on no assumption: the grip state follows a command late, and a value out of
 range gets no answer.
 """

@@ -353,7 +353,7 @@ class SchunkRegisters:
         self._now = now
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether the registers are those of one whole parameter."""
+        """Whether the registers are exactly the registers of one parameter."""
         parameter = _BY_ADDRESS.get(address)
         return parameter is not None and parameter.registers == count
 

@@ -40,7 +40,7 @@ class Geometry(NamedTuple):
     halfwidth_rad: float  # greatest angle of a new part, to either side
     height_mm: float | None = None  # height of the part
     acceleration_mm_s2: float | None = None  # None: the arm reaches its speed at once
-    turn_radius_mm: float = TURN_RADIUS_MM  # converts the acceleration to that of a turn
+    turn_radius_mm: float = TURN_RADIUS_MM  # radius that converts an acceleration to a turn's
 
     @property
     def opening_mm(self) -> float:

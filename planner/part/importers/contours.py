@@ -170,7 +170,8 @@ def _hull(points: Array) -> shapely.Geometry:
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     """Whether a ring around another one is the border of an ISO 216 sheet, with or without its margins.
 
-    The smallest such border is wider than any gripper opens: its shorter side is that of A5 less margins.
+    The smallest such border is wider than any gripper opens: its shorter side is A5's shorter side less
+    margins.
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
@@ -186,7 +187,7 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
 
 
 def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
-    """Returns the rings, without those that lie on an earlier one within the tolerance."""
+    """Returns the rings, without rings that lie on an earlier ring to within the tolerance."""
     lines = [shapely.LinearRing(ring.points) for ring in rings]
     boxes = shapely.bounds(lines)
     kept: list[int] = []

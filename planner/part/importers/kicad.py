@@ -1,6 +1,6 @@
 """KiCad footprints: the component's body as drawn on the fabrication layer of a `.kicad_mod` file.
 
-A footprint is one S-expression, read by sexpdata; its shapes are those of KiCad 5 (`module`) to 9.
+A footprint is one S-expression, read by sexpdata; the shapes of KiCad 5 (`module`) to 9 are known.
 """
 
 import cmath

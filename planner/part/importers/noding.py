@@ -41,7 +41,7 @@ class Regions(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Free ends of chains: those that meet no other line."""
+    """Free ends of chains, which meet no other line."""
 
     points: Array  # (n, 2)
     chain: IntArray  # (n,) index of the chain that ends there

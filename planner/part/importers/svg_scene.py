@@ -32,7 +32,7 @@ class Shape(NamedTuple):
 
     kind: str  # one of `SHAPES`
     values: Values
-    matrix: Array  # (3, 3) from the user units of the shape to those of the drawing
+    matrix: Array  # (3, 3) from the user units of the shape to the drawing's
     window: shapely.Geometry | None  # visible window in the drawing's user units; None: all
 
 
