@@ -48,7 +48,7 @@ class Pace:
         self.time_scale = time_scale
 
     def now(self) -> float:
-        """Time of the clock, wall seconds."""
+        """Returns the time of the clock, wall seconds."""
         return self.clock.now()
 
     def pause(self, seconds: float) -> None:
@@ -96,5 +96,5 @@ class Pace:
         return self.clock.now() + seconds / self.time_scale + margin_s
 
     def elapsed(self, since: float) -> float:
-        """Device seconds since the wall time `since`."""
+        """Returns the device seconds that have passed since the wall time `since`."""
         return (self.clock.now() - since) * self.time_scale

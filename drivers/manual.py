@@ -163,12 +163,12 @@ class ManualGripper:
         self.profile = profile
         self._read_only = read_only
         self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
-        self._seen: GripperState | None = None  # state by the last answer
+        self._seen: GripperState | None = None  # state according to the last answer
         self._asked: int | None = None  # width of a request that nobody has waited for yet, um
         self._closed = False
 
     def state(self) -> GripperState:
-        """The state by the person's last answer; before the first answer, open jaws.
+        """Returns the state according to the person's last answer; before the first answer, open jaws.
 
         Raises:
             LinkError: the gripper was closed.

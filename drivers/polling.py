@@ -40,7 +40,7 @@ class ReadOnlyLink:
         self.read, self.close = link.read, link.close
 
     def write(self, *what: object) -> None:
-        """Raises a ReadOnlyError."""
+        """Refuses to write: raises a ReadOnlyError."""
         words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
         raise ReadOnlyError(
             f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
@@ -82,7 +82,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             self.profile = self._begin(profile)
 
     def state(self) -> GripperState:
-        """Reads the gripper now."""
+        """Reads the gripper, and returns its present state."""
         seen = self._read()
         return self._state(seen, self._target(seen))
 

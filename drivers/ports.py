@@ -46,7 +46,7 @@ class ObjectState(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """The state as words for a message."""
+        """Describes the state in words for a message."""
         return self.name.lower().replace("_", " ")
 
 

@@ -88,7 +88,7 @@ class Table:
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
         """Looks up the node or leaf to which each width (n,) [mm] leads that is read at a node (n,).
 
-        The object flag is not given: a width leads to a branch if it does so at either value of the flag.
+        The object flag is not given: a width leads to a branch if it leads there with or without the flag.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.

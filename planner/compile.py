@@ -40,7 +40,7 @@ class Plan:
     root: Node  # the tree with its beliefs, for reports
     evaluation: Evaluation  # evaluation of the finished table, by trials that planning did not use
     untried: int  # number of branches that no trial took; their widths are REJECT
-    # Seed of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
+    # Seed of the evaluation: `plan-evaluate --seed` with the same number of trials gives the same figures.
     seed: int
     cut: Cut | None = None  # how the search was cut short; None if it was complete
 

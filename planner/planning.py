@@ -55,7 +55,7 @@ class Cut(NamedTuple):
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         by, share = "interrupt" if self.asked else "budget", round(self.open_share, 6)
         return {"by": by, "open_share": share, "seconds_to_finish": None}
 

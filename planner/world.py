@@ -210,7 +210,7 @@ class ContactWorlds(Worlds):
         return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
-        """The world of a chunk."""
+        """Returns the world of a chunk, which has a random stream of its own."""
         stream = [self.seed, chunk]
         if len(self.simulators) == 1:
             return ContactWorld.of_simulator(self.simulators[0], stream)

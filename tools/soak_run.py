@@ -150,11 +150,11 @@ class WatchedLink:
         self._link.write(*what)
 
     def ready(self, block: bytes) -> bool | None:
-        """Whether an answer says that the gripper may move; None if it does not contain that."""
+        """Whether an answer says that the gripper may move; None if the answer does not say so."""
         return block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
 
     def target(self, block: bytes) -> int | None:
-        """The target that a write sends the jaws to, in the gripper's units; None if it moves nothing."""
+        """The target to which a write moves the jaws, in the gripper's units; None if it moves nothing."""
         return block[3] if block[0] & GOES else None
 
 

@@ -182,7 +182,7 @@ def _is(text: str, number: int) -> bool:
 
 
 def _rapid(pose: Pose) -> str:
-    """A pose in RAPID syntax."""
+    """Returns a pose in RAPID syntax."""
     x, y, z, *turn = codec.pose_numbers(pose)
     return f"[[{x},{y},{z}],[{','.join(turn)}]]"
 

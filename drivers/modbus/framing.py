@@ -67,7 +67,7 @@ class TcpFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """Returns the answer to a request in received bytes, by the number of the request; None without one.
+        """Returns the answer to a request in received bytes, by the request's number; None if there is none.
 
         Answers to earlier requests are skipped.
         """

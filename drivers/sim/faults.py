@@ -114,7 +114,7 @@ class Fault(NamedTuple):
 
     @property
     def code(self) -> int:
-        """The gFLT code in the name of the fault; 0 without one."""
+        """The gFLT code in the name of the fault; 0 if the name has no code."""
         return int(self.kind.removeprefix("gflt_"), 16) if self.kind.startswith("gflt_") else 0
 
 

@@ -27,7 +27,7 @@ class Encoder:
 
     @property
     def mm_per_step(self) -> float:
-        """Width of one step."""
+        """Change of the width for one step of a reading [mm]."""
         return self.opening_mm / self.steps
 
     @property

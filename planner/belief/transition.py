@@ -46,7 +46,7 @@ class Outcomes(NamedTuple):
 
     @classmethod
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
-        """Partitions the readings into branches."""
+        """Partitions the readings of a squeeze into branches, and returns these."""
         belief, width_mm = squeezed
         label = partition(belief.states, belief.reading, rule)
         return cls([belief[label == k] for k in range(int(label.max()) + 1)], width_mm)

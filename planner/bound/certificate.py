@@ -152,7 +152,7 @@ class Certificate:
         )
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "squeezes": self.squeezes,
             "confidence": CERTAINTY,

@@ -93,7 +93,7 @@ class _Course:
 
     @property
     def seconds(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the work began."""
         return self._clock() - self._begun
 
     def left(self) -> str:

@@ -191,7 +191,7 @@ def _choice(question: str, choices: Collection[str]) -> str:
 
 
 def _ask(question: str, parse: Callable[[str], T]) -> T:
-    """Asks until `parse` accepts an answer.
+    """Asks until `parse` accepts an answer; returns its result.
 
     Raises:
         UsageError: the input ended.

@@ -92,7 +92,7 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
-    """The values of the options of `add_drawing`."""
+    """Returns the values of the options that `add_drawing` added."""
     return Options(**{name: getattr(arguments, name) for name in Options._fields})
 
 

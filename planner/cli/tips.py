@@ -40,7 +40,7 @@ class Beside(NamedTuple):
 
 
 def read(path: Path) -> dict[str, Array]:
-    """Reads n pushes: the columns `NAMES`.
+    """Reads the columns `NAMES` of n pushes.
 
     Raises:
         InputError: see `columns.read`; or an entry is out of range.

@@ -94,7 +94,7 @@ class Advice(NamedTuple):
     margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         record = self._asdict() | {
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain._asdict() for gain in self.gains],

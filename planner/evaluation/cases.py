@@ -42,7 +42,7 @@ class Condition(NamedTuple):
         return f"{self.quantity} stays {self.side} {self.value()}" if self.side else self.quantity
 
     def value(self) -> str:
-        """The bound with its unit."""
+        """The bound with its unit, as text."""
         return f"{self.bound:.3g}{self.unit}"
 
     def stricter(self, other: "Condition") -> bool:

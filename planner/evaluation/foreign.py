@@ -28,7 +28,7 @@ class Answer(NamedTuple):
     part: str | None  # name of the part that the leaf states; None if the job has one part only
     share: float  # share of the foreign parts that end at the leaf
     widths_mm: tuple[float, ...]  # median width of the foreign parts at each squeeze
-    ours_mm: tuple[float, ...]  # median width of the job's parts that end there; empty without any
+    ours_mm: tuple[float, ...]  # median width of the job's parts that end there; or empty
     differ_mm: float  # `widths_differ_mm` of the foreign part and the job's part
 
     @property
@@ -64,7 +64,7 @@ class Tried(NamedTuple):
         return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "name": self.name,
             "trials": len(self.evaluation.leaf),

@@ -53,7 +53,7 @@ def errors_mm(table: Table, leaf: IntArray, poses: Array) -> Array:
 
 
 def within_goal(table: Table, leaf: IntArray, poses: Array) -> BoolArray:
-    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; as for `errors_mm`."""
+    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; see `errors_mm`."""
     metric = metric_of_table(table)
     return np.asarray((_distances(table, leaf, poses, metric) < metric.goal).any(axis=1))
 

@@ -42,7 +42,7 @@ class Reliability(NamedTuple):
         return sum(row.holds for row in self.rows) / len(self.rows) if self.rows else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         rows = [row._asdict() for row in self.rows]
         shares = {"share_within_95": self.share, "mean_gap": self.gap}
         return {"leaves": len(rows), **shares, "table": rows}
@@ -97,7 +97,7 @@ class Mistake(NamedTuple):
     widths_mm: tuple[float, ...]  # widths that the encoder read at these nodes
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         poses = {name: _rounded(getattr(self, name)) for name in self._fields[:3]}
         return {**self._asdict(), **poses, "error_mm": round(self.error_mm, 3)}
 
@@ -115,7 +115,7 @@ class Identities(NamedTuple):
         return float(np.trace(named) / named.sum()) if named.any() else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         total, named = self.named.sum(), self.named[:, :-1]
         return {
             "names": list(self.names),

@@ -66,11 +66,11 @@ class Sums(NamedTuple):
         return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0, 0.0)
 
     def with_more(self, other: Sums) -> Sums:
-        """The sums over the parts of both."""
+        """Returns the sums over the parts of this object and of another."""
         return Sums(*map(add, self, other))
 
     def document(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {name: np.asarray(value).tolist() for name, value in self._asdict().items()}
 
     @classmethod
@@ -243,7 +243,7 @@ class Findings:
         return [leaf for leaf in order[:most] if self.leaves[leaf].rate > 0.0]
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         sums = self.sums
         return {
             "parts": sums.parts,
@@ -265,7 +265,7 @@ class Findings:
         }
 
     def lines(self) -> list[str]:
-        """The result as lines of text."""
+        """Returns the findings as lines of text."""
         sums, wrong, parts = self.sums, self.wrong, self.sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
         entries = [

@@ -38,7 +38,7 @@ class Run(NamedTuple):
 
 
 def maps_of(table: tables.Table) -> list[tables.DecisionMap]:
-    """The decision map of each node."""
+    """Returns the decision map of each node of a table."""
     return [tables.decision_map(node, table.gripper) for node in table.nodes]
 
 

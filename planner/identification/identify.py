@@ -32,7 +32,7 @@ Surface = LimitSurface | QuarticSurface
 RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid [pairs]
 
 FOLDS = 5
-LEAST_PAIRS = 12  # least pairs in all; a split fits to at least half as many
+LEAST_PAIRS = 12  # least number of pairs; a split fits to at least half of it
 
 _FRICTION_ROUNDS = 5
 _SCALING_ROUNDS = 8

@@ -63,7 +63,7 @@ class Push(NamedTuple):
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
-    """Reads a push log.
+    """Reads a push log, and returns its pushes.
 
     Raises:
         InputError: the log is truncated, continues after its last push, holds no push, or has an entry that

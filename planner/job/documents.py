@@ -46,7 +46,7 @@ def read(path: str | Path, advice: str = "check the path") -> str:
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
-    """Reads TOML text.
+    """Parses TOML text; returns the document as nested tables.
 
     Raises:
         InputError: the text is not valid TOML; names line and column.
@@ -65,7 +65,7 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:
-    """Reads the canonical text of a job.
+    """Parses the canonical text of a job; returns the document as nested tables.
 
     Raises:
         InputError: the text is not a JSON object.

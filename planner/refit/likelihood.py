@@ -40,7 +40,7 @@ class Likelihood:
 
     @classmethod
     def of(cls, features: Array, shown: IntArray, seen: Array, counts: int) -> Self:
-        """Learns the likelihood of the observations.
+        """Learns the likelihood of the observations from simulated cells, and returns it.
 
         Args:
             features: (m, k) features of the simulated cells.

@@ -37,7 +37,7 @@ def tried(
     report: Report = silent,
     limit: Limit | None = None,
 ) -> list[Line]:
-    """Evaluates a table in further worlds.
+    """Evaluates a table in worlds other than its planned one.
 
     Each further world breaks one assumption of plans, or sets one uncertain quantity of the job to an end of
     its interval.

@@ -39,13 +39,13 @@ class AlongSides(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ActionSet:
-    """Hand placements to choose from.
+    """The hand placements among which every node of a plan chooses.
 
     Attributes:
         placements: (k, 3) fixed placements, which are poses of the hand frame in the world [mm, mm, rad].
         proposals: placements relative to a belief, for each hypothesis; empty for none.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        first: (m, 3) placements of the first squeeze; None: the same as for any other.
+        first: (m, 3) placements of the first squeeze; None: the placements of any other squeeze.
     """
 
     placements: Array

@@ -199,8 +199,8 @@ class Search:
     def absorb(self, root: Node, ended: dict[int, Belief], strays: dict[int, Belief]) -> float:
         """Adds fresh trials to the beliefs of the leaves where they ended.
 
-        Alternative actions remain at nodes above leaves that fail for good; elsewhere only the tried plan
-        remains.
+        Alternative actions remain at nodes above leaves that fail and cannot be expanded; elsewhere only the
+        tried plan remains.
 
         Args:
             root: the plan that was tried, modified in place.
@@ -521,7 +521,7 @@ def _partition(action: Action, children: list[Node]) -> None:
 
 
 def _placements(squeezes: Iterable[Squeeze | _Candidate]) -> Array:
-    """The grasp poses (k, 3) of squeezes."""
+    """Returns the grasp poses (k, 3) of squeezes."""
     return np.array([each.placement for each in squeezes]).reshape(-1, 3)
 
 

@@ -36,7 +36,7 @@ class Folder:
         return sorted(result)
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """A file's content.
+        """Returns the content of a file.
 
         Raises:
             UsageError: the name is not allowed, or names a symbolic link.

@@ -49,7 +49,7 @@ class Studio(ThreadingTCPServer):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """Answers one request."""
+    """Answers one HTTP request."""
 
     server: Studio
     timeout = PATIENCE_S

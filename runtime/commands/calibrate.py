@@ -182,7 +182,7 @@ def _blocks(model: str) -> str:
 
 
 def _pair(option: str, text: str | None) -> tuple[float, float] | None:
-    """The two numbers of an option; None where it was not given."""
+    """Parses the two numbers of an option; returns None if the option was not given."""
     if text is None:
         return None
     first, *others = _numbers(option, text)

@@ -29,7 +29,7 @@ PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-
 
 
 class Verdict(Enum):
-    """Result of a check."""
+    """Grade of a check's result."""
 
     GOOD = "good"
     WARNING = "warning"

@@ -122,7 +122,7 @@ def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfi
 
 
 def _serial_port(port: str) -> str:
-    """The path of the serial port in a gripper's address; empty where it has none."""
+    """The path of the serial port in a gripper's address; empty if there is none in the address."""
     if port.startswith(("can:", MANUAL)):
         return ""
     _, is_url, rest = port.partition("?")[0].rpartition("://")

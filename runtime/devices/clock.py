@@ -36,7 +36,7 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """Time, as of `now`, by which a motion of `seconds` of the cell is over.
+        """Time on the clock of `now` by which a motion of `seconds` of the cell is over.
 
         It includes `LINK_MARGIN_S` for the device's link, in seconds of the machine.
         """

@@ -162,7 +162,7 @@ class Jaws:
         return safety.stroke(self.gripper, *stroke[:3], asked)
 
     def width_mm(self, reading_um: int) -> float:
-        """The true width at a reading, mm."""
+        """Returns the true width at a reading, mm."""
         return self.calibration.width_um(reading_um) / 1000
 
 

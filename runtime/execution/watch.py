@@ -27,7 +27,7 @@ class Expected(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """Time of arm and gripper."""
+        """Sum of the times of arm and gripper."""
         return self.arm_s + self.gripper_s
 
 

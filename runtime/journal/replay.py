@@ -37,7 +37,7 @@ class Finding(NamedTuple):
 
 
 class Replay:
-    """State of a journal's latest run, as of the records followed so far."""
+    """State of a journal's latest run after the records that were followed so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None

@@ -18,7 +18,7 @@ class Times(NamedTuple):
     figures: dict[str, float]  # from `runtime.table.takt`; empty without a part
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "parts": self.parts,
             "squeezes": self.squeezes,
@@ -27,7 +27,7 @@ class Times(NamedTuple):
         }
 
     def lines(self) -> Iterator[str]:
-        """The result as lines of text."""
+        """Yields the statistics as lines of text."""
         if not self.parts:
             yield "no part states its seconds"
             return

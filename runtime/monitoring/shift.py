@@ -102,7 +102,7 @@ class Shift:
 
 
 def _kind(part: Mapping[str, Any]) -> str | None:
-    """How a part was lost; None where it was not."""
+    """Returns how a part was lost; None if the part was not lost."""
     if part["outcome"] != Outcome.LEAF.value:
         return str(part["outcome"])
     if part["audit"] == "fail":

@@ -26,7 +26,7 @@ def page(
     script: str = "",
     policy: str = "",
 ) -> str:
-    """A complete page.
+    """Returns a complete HTML page.
 
     Args:
         title: title of the window.

@@ -83,7 +83,7 @@ class ModbusServer(PlcServer):
         self.exchange.connected = True
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`."""
+        """Serves until `stop`, see `PlcServer.serve`."""
         loop = asyncio.get_running_loop()
         server = await loop.create_server(lambda: Connection(self), sock=self._listener)
         self.started.set()

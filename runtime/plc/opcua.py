@@ -74,7 +74,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`."""
+        """Serves until `stop`, see `PlcServer.serve`."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)

@@ -30,7 +30,7 @@ class Register(NamedTuple):
 
     @property
     def words(self) -> int:
-        """Number of 16-bit words."""
+        """Number of 16-bit words of the register."""
         return 2 if self.type.endswith("32") else 1
 
     @property
@@ -127,7 +127,7 @@ def as_json() -> dict[str, object]:
 
 
 def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]:
-    """The 16-bit words of consecutive registers.
+    """Converts the values of consecutive registers to 16-bit words.
 
     Args:
         registers: the registers, in order.

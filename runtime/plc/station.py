@@ -92,7 +92,7 @@ class Counters:
             self._values["takt_share"] = round(1e4 * share)
 
     def values(self) -> dict[str, int]:
-        """Values by register name."""
+        """Returns the counts and times by register name."""
         return self._values
 
 
@@ -150,7 +150,7 @@ class Station:
         return None
 
     def put(self, changes: Mapping[str, int], now: float) -> None:
-        """Writes values by register names; `now` as for `write`."""
+        """Writes values by register names; see `write` for `now`."""
         self.tick(now)
         before, self._written = self._written, {**self._written, **changes}
         if self._written["heartbeat_in"] != before["heartbeat_in"]:
@@ -163,7 +163,7 @@ class Station:
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
         """Reads `count` words of one of the two blocks, or refuses an access beyond the block.
 
-        `address` and `now` are as for `write`.
+        See `write` for `address` and `now`.
         """
         self.tick(now)
         block, values = WRITTEN, self._written

@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
         self.add_debug()
 
     def add_debug(self) -> None:
-        """Adds --debug only."""
+        """Adds the option --debug only."""
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 

@@ -38,7 +38,7 @@ def parse(text: str | bytes) -> Any:
 
 
 def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> Any:
-    """Loads a JSON file.
+    """Loads a JSON file, and returns its value.
 
     Args:
         path: the file.

@@ -36,7 +36,7 @@ class Shape(NamedTuple):
 
 
 class Slack(NamedTuple):
-    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 where it states none."""
+    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 if there are none."""
 
     place_mm: float
     turn_rad: float

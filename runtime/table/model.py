@@ -241,7 +241,7 @@ class GripperSpec:
 
     @property
     def steps_a_bin(self) -> int:
-        """Steps of a reading in one bin."""
+        """Number of steps of a reading in one bin of a histogram."""
         return self.steps // MOST_BINS + 1
 
     @property

@@ -75,7 +75,7 @@ def phases_of(record: object) -> Phases:
 
 
 def time_of(value: object) -> float:
-    """Parses a time of a record, s.
+    """Parses a time in a record, and returns it, s.
 
     Raises:
         ValueError: the time is invalid.
@@ -141,7 +141,7 @@ class Timing:
     def move_s(
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
-        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without either."""
+        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without way and turn."""
         way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
@@ -151,7 +151,8 @@ class Timing:
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
         """Whether a hand at the retreat height descends to the regrasp height on its way to a squeeze.
 
-        It does so only from nearby, and only where the descent takes no longer than the travel.
+        The hand descends on the way only from nearby, and only if the descent takes no longer than the
+        travel.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm

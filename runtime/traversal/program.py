@@ -140,7 +140,7 @@ def released(requests: Requests, request: Request, reading: Reading) -> Release:
 
 
 def _reason(state: TraversalState, steps: Sequence[Step]) -> str | None:
-    """Why a part did not end in a resolved leaf, None where it did."""
+    """Returns why a part did not end in a resolved leaf; None if it ended in one."""
     if state.outcome is Outcome.REJECT:
         return steps[-1].reason
     if state.outcome is Outcome.UNRESOLVED:

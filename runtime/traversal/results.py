@@ -62,7 +62,7 @@ class PartResult:
     exit_code: int  # exit code of a run with this part only
     # results of the safe sequence, one sentence a step; empty without a fault
     safe_state: tuple[str, ...] = ()
-    audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
+    audit: str | None = None  # the audit's verdict: "pass", "fail" or "unknown"; None without
     delivery: str | None = None  # "done" or "missed", None without a delivery
     # seconds from the part's first motion to its outcome, with the delivery; None where not measured
     seconds: float | None = None

@@ -20,7 +20,7 @@ LARGEST_SCALE_ERROR = 0.02  # greatest relative error of the measured size of a 
 
 
 class Measured(NamedTuple):
-    """A part as measured by the camera."""
+    """Pose of a part as the camera measured it, with standard deviations."""
 
     pose: Pose2  # x, y, theta of the part: mm, mm, rad
     sigma_mm: float  # standard deviation of the part's place

@@ -63,14 +63,14 @@ def render(
 
 
 def compressed(picture: Picture, quality: int) -> Picture:
-    """The picture after JPEG compression."""
+    """Returns the picture after JPEG compression."""
     decoded = cv2.imdecode(np.frombuffer(jpeg(picture, quality), np.uint8), cv2.IMREAD_GRAYSCALE)
     assert decoded is not None
     return np.asarray(decoded, np.uint8)
 
 
 def jpeg(picture: Picture, quality: int) -> bytes:
-    """The picture as a JPEG file."""
+    """Returns the bytes of the picture as a JPEG file."""
     _, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return bytes(coded.tobytes())
 

@@ -12,7 +12,7 @@ from drivers.sim.devices import rapid
 from drivers.sim.faults import Channel, Desk, Listed
 
 ACCEPT_S = 0.5  # WaitTime after SocketAccept in ServerCreateAndConnect
-MAX_STRING = 80  # SocketReceive \Str accepts so much at once
+MAX_STRING = 80  # most characters that SocketReceive \Str accepts at once
 MAX_BUFFER = 512
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
@@ -52,12 +52,12 @@ class Leg(NamedTuple):
     ramp_s: float = 0.0  # duration of the acceleration, and of the deceleration
 
     def at(self, now_s: float) -> Pose:
-        """Pose of the flange."""
+        """Returns the pose of the flange at a time."""
         share = self._share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
-        """Joints in degrees, whole turns counted."""
+        """Returns the joints at a time, in degrees, whole turns counted."""
         share = self._share(now_s)
         if share == 1.0:
             return self.ends_deg
@@ -122,7 +122,7 @@ class ArmModel:
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
-        """The joints in degrees, whole turns counted."""
+        """Returns the joints at a time, in degrees, whole turns counted."""
         return self._leg(now_s).joints_at(now_s)
 
     def frames(self, tool: Pose, work_object: Pose) -> None:

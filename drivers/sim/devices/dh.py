@@ -151,7 +151,7 @@ class DhRegisters:
         self._now = now
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether these registers exist."""
+        """Whether the gripper has these registers."""
         return READABLE.issuperset(range(address, address + count))
 
     def read(self, address: int, count: int) -> bytes:

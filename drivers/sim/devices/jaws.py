@@ -47,7 +47,7 @@ class Stroke(NamedTuple):
         return self.start_s + (abs((self.stop - self.start) / self.rate) if self.rate else 0.0)
 
     def at(self, now_s: float) -> float:
-        """Position of the fingers."""
+        """Returns the position of the fingers at a time."""
         return self.stop if now_s >= self.end_s else self.start + self.rate * (now_s - self.start_s)
 
 

@@ -155,7 +155,7 @@ class SchunkModel(Fingers):
         return Input(status, stroke_um - closed_um, 0, self._error, self._warning, self._additional)
 
     def _message(self) -> str:
-        """The message that `sys_msg_req` selects, 0 the newest; empty without one."""
+        """Returns the message that `sys_msg_req` selects (0: the newest), or an empty text."""
         wanted = int(self._settings["sys_msg_req"][0])
         return self._messages[-1 - wanted] if wanted < len(self._messages) else ""
 

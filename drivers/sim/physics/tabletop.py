@@ -137,7 +137,7 @@ class TableTop:
             self.crashes += 1
 
     def truth(self) -> Truth:
-        """The ground truth."""
+        """Returns the ground truth about the part."""
         x, y, theta = map(float, self.pose) if self._setting.truthful else (math.nan,) * 3
         covered = self._desk.holds("camera_covered") is not None
         counts = self.squeezes, self.crashes

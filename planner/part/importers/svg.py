@@ -110,7 +110,7 @@ def _states_lengths(root: Tree.Element) -> bool:
 
 
 def _curves(scene: Scene, scale: float, tolerance_mm: float) -> list[Array]:
-    """All shapes as polylines (n, 2) [mm]."""
+    """Returns all shapes as polylines (n, 2) [mm]."""
     curves: list[Array] = []
     try:
         for kind, values, matrix, window in scene.shapes():

@@ -177,7 +177,7 @@ class PageServer:
             client.close()
 
     def _read(self, client: socket.socket) -> bytes | None:
-        """A request's head; None where it is incomplete."""
+        """Receives the head of a request; returns None if the head is incomplete."""
         asked, until = b"", self._clock.now() + PATIENCE_S
         while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
             client.settimeout(max(until - self._clock.now(), 1e-3))
@@ -192,7 +192,7 @@ class PageServer:
 
 
 def listening(address: Address, option: str, *, at_once: bool = True) -> socket.socket:
-    """A socket that listens at an address.
+    """Returns a socket that listens at an address.
 
     Args:
         address: the address.
@@ -243,7 +243,7 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """The complete response to a request.
+    """Returns the complete response to a request.
 
     Args:
         pages: media type and content of each page, by path.

@@ -106,7 +106,7 @@ class Acceptance:
         return SequentialTest(self.limit).bounds(self.failed, most, self.parts)
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "verdict": self.verdict.value,
             "decided_at": self.decided_at,

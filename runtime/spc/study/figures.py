@@ -27,7 +27,7 @@ class GaugeRow(NamedTuple):
     studies: Mapping[str, TypeOne]  # by coordinate, if the goal has a tolerance for it
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         pairs = self.studies.items()
         studies = {name: {**one._asdict(), "capable": one.capable} for name, one in pairs}
         return {"leaf": self.leaf, "readings": self.readings, **studies}
@@ -58,7 +58,7 @@ class Study:
         return Bounds(low, last.share, high) if low <= high else last
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             **self.acceptance.fields(),
             "failures": self.bounds._asdict(),

@@ -83,7 +83,7 @@ class Spread(NamedTuple):
         return CATEGORIES * self.part / self.gauge if self.gauge else None
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         names = ("repeatability", "reproducibility", "gauge", "part")
         named = {name: getattr(self, name) for name in names}
         percent = {f"{name}_percent": self.percent(value) for name, value in named.items()}
@@ -108,7 +108,7 @@ class Crossed:
     ranges: Spread | None  # by average and range; None without constants for this size
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "parts": self.parts,
             "appraisers": self.appraisers,
