@@ -242,7 +242,7 @@ def judged(
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
-    """Returns the error that no leaf reaches the goal; after a complete search, with the open poses."""
+    """Returns the error that no leaf reaches the goal; it names the open poses if the search was complete."""
     evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:

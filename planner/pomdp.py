@@ -87,7 +87,7 @@ class Pomdp:
         return replace(model, actions=np.concatenate([squeezes, declarations]))
 
     def initial(self, n: int, rng: Generator) -> Array:
-        """Draws n states (n, 4) from the job's uncertainty, jaws open."""
+        """Draws n states (n, 4) from the job's uncertainty, with open jaws."""
         n = arguments.count(n, "n", 0)
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 

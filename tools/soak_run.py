@@ -63,7 +63,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes commands to gripper and arm; records a finding for each that no recent reading justifies."""
+    """Observes commands to gripper and arm; records as a finding each command without a recent reading."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf  # time of the last reading; -inf after a command to the jaws

@@ -144,7 +144,7 @@ def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Solves the inverse kinematics, elbow up, facing the target: one solution a configuration of the wrist.
+    """Solves the inverse kinematics, elbow up, facing the target: a solution for each wrist position.
 
     Working ranges are not checked; the list is empty if the pose is out of reach.
     """

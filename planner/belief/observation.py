@@ -64,7 +64,7 @@ def encoder_of(job: Job) -> Encoder:
 
 
 class Resolution(NamedTuple):
-    """Limits for telling readings apart, by the step and the noise of an encoder [steps]."""
+    """Limits for distinguishing readings, from the step and the noise of an encoder [steps]."""
 
     apart: float = 3.0  # least distance of two cluster means
     free: int = 225  # least reading of an empty hand
@@ -83,7 +83,7 @@ class Partition(NamedTuple):
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
-        """The clusters with these readings: one array, not empty, for each cluster."""
+        """Computes the clusters from their readings, one non-empty array for each cluster."""
         return cls(
             mean=np.array([each.mean() for each in readings]),
             low=np.array([each.min() for each in readings]),
@@ -92,12 +92,12 @@ class Partition(NamedTuple):
         )
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
-        """The clusters with these numbers, renumbered in this order."""
+        """Returns the partition of the clusters with these numbers only, in this order."""
         return take(self, np.array(numbers, np.int64))
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
-    """The limits for telling an encoder's readings apart."""
+    """Returns the limits for distinguishing the readings of an encoder."""
     step_mm = encoder.mm_per_step
     noise = encoder.noise_mm / step_mm
     return Resolution(

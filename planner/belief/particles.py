@@ -32,7 +32,7 @@ class Belief:
     def of(
         cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None
     ) -> Self:
-        """A belief of poses (n, 3), by default of parts as planned."""
+        """Returns a belief of particles at poses (n, 3), by default with latent parameters as planned."""
         read = np.full(len(poses), UNREAD) if reading is None else reading
         return cls(poses, as_planned(len(poses)) if traits is None else traits, read)
 

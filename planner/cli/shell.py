@@ -107,7 +107,7 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 
     Raises:
         TableError: the table cannot be used.
-        InputError: the job is missing, unreadable or another one.
+        InputError: the job is missing or unreadable, or is not the job of the table.
     """
     result = load(arguments.tree)
     if arguments.job is None:

@@ -115,7 +115,7 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Returns a copy of a job's document with values replaced; `checked` has not checked the new values.
+    """Returns a copy of a job's document with values replaced; the new values still have to be `checked`.
 
     Args:
         document: the document, which stays unchanged.

@@ -59,7 +59,7 @@ class Posterior:
     space: Space
 
     def of(self, key: str) -> Array:
-        """The values (n,) of one quantity."""
+        """The values (n,) of the quantity `key` in the sample."""
         return np.asarray(self.cells[:, self.space.column(key)])
 
 
@@ -108,8 +108,8 @@ def _log(
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
     """Simulates pairs of sets of parts in one cell; returns their outcome numbers (pairs, 2, n, d).
 
-    A set has as many parts as `seen`, n. In the second set of each pair, at most as many parts are audited as
-    in `seen`.
+    Each set has n parts, the number of parts in `seen`. In the second set of each pair, at most as many parts
+    are audited as in `seen`.
     """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))

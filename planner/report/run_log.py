@@ -63,7 +63,7 @@ class RunLog(NamedTuple):
         return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def rejects(self) -> list[tuple[PartLog, Squeezed]]:
-        """The parts whose last reading was rejected, with that squeeze."""
+        """The parts whose last reading was rejected, each with the squeeze of this reading."""
         last = [(part, part.squeezes[-1]) for part in self.parts if part.squeezes]
         return [(part, squeeze) for part, squeeze in last if squeeze.target is None]
 

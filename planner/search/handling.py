@@ -88,7 +88,7 @@ class Handling:
         return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
-        """The particles clear of both open fingers; on the others a finger would come down."""
+        """Returns the particles that both open fingers clear; a finger would come down on the others."""
         verdict, poses = np.empty(len(belief), np.int64), to_hand(belief.poses, placement)
         for k, rows in by_hypothesis(belief.traits):
             verdict[rows] = classify_contact(self._outlines[k], self._jaws, poses[rows])

@@ -126,7 +126,7 @@ class Search:
         return True
 
     def close(self, node: Node) -> bool:
-        """Removes the unfinished actions of each node that has a finished one, after a pass was cut short.
+        """After a pass was cut short, removes the unfinished actions of each node that has a finished action.
 
         Returns:
             Whether the node is finished: no leaf below it is one that the pass would have expanded.
@@ -236,7 +236,7 @@ class Search:
         return again
 
     def _reach(self, node: Node, strays: Belief) -> None:
-        """Extends the branches of a node to the readings of parts that fitted none.
+        """Extends the branches of a node to the stray readings, which fitted no branch.
 
         Several readings that are far from all branches become new branches.
         """

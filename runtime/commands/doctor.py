@@ -115,7 +115,7 @@ def findings(
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
-    """The profile of the table's gripper, else of the named model; None: the driver takes its usual one."""
+    """The profile of the table's gripper, else of the named model; None: the driver's default."""
     if table is not None:
         return table.gripper.profile
     return None if arguments.gripper is None else profile_of(arguments.gripper)

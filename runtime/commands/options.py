@@ -21,7 +21,7 @@ PATIENCE = 200.0  # a person may take so much longer than an arm: about half an 
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
-    """Checks arguments beyond what argparse can.
+    """Checks what argparse cannot check in the arguments.
 
     Raises:
         UsageError: arguments contradict one another, or one is missing.

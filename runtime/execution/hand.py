@@ -242,7 +242,7 @@ class Hand:
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
         """Opens the jaws until they are clear of the part, then starts to open them for the next squeeze.
 
-        They are not opened further if the next squeeze needs a smaller opening. The tips stay level until
+        The jaws are not opened further if the next squeeze needs a smaller opening. The tips stay level until
         they are clear of the part's sides. The jaws may still move on return; `Jaws.open` waits for them.
 
         Args:

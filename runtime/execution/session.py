@@ -31,8 +31,8 @@ def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate
         activate: whether the fingers may sweep.
 
     Raises:
-        GripperStateError: the gripper is inactive or in fault, and may not be activated or stays so; or it
-            moves.
+        GripperStateError: the gripper moves; or it is inactive or in fault, and activation is not allowed or
+        fails.
     """
     if activate and needs_activation(gripper.state()):
         tell("activating the gripper: the fingers open and close fully")

@@ -35,7 +35,7 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
     """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
 
     The arm moves across the work area, turns once, and makes three vertical moves; the jaws make three full
-    strokes. Each push adds the same again, and the time of its path.
+    strokes. Each push adds the same time once more, and the time of its path.
 
     Args:
         table: states the work area, the gripper and the arm's timing.

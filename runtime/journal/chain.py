@@ -276,7 +276,7 @@ class Incidents:
             self._kept.append((kind, fields))
 
     def hand_over(self, journal: Journal) -> None:
-        """Writes the kept incidents to a journal, see `Journal.record`; later ones are written at once."""
+        """Writes the kept incidents to a journal (`Journal.record`); later incidents are written at once."""
         self._journal = journal
         for kind, fields in self._kept:
             journal.record(kind, fields)

@@ -157,7 +157,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_getValues(  # noqa: N802 - pymodbus' name
         self, _device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
-        """Reads registers, for pymodbus; for a write of one register (function 6), the value just written."""
+        """Reads registers, for pymodbus; as the answer to function 6, returns the value just written."""
         if func_code == 6:
             return self._last
         values = self._server.exchange.read(address, count)

@@ -44,7 +44,7 @@ class Parser(argparse.ArgumentParser):
             )
 
     def error(self, message: str) -> NoReturn:
-        """Ends with exit code 2 and a line on standard error."""
+        """Ends the command with exit code 2 and a line on standard error."""
         tell(self.prog, f"{message}; {self.prog} --help tells more")
         self.exit(ExitCode.USAGE)
 

@@ -40,7 +40,7 @@ class Expectation:
         """Checks that the expectation belongs to the table of a history.
 
         Raises:
-            UsageError: the expectation is of another table.
+            UsageError: the expectation belongs to another table.
         """
         table, planned = history.table, self.shares[0]
         alike = len(planned) == len(table.nodes) and len(planned[0]) == table.gripper.bins

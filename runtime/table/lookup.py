@@ -49,7 +49,7 @@ class Calibration:
         return self.width_um(self.profile.stroke_um)
 
     def nearest_um(self, width_um: int) -> int:
-        """The reading whose true width is nearest to `width_um`; of two, the more open one."""
+        """The reading whose true width is nearest to `width_um`; of two such readings, the more open one."""
         wider = self.opening_um(width_um)
         step = self.profile.step(wider)
         less = self.profile.reading_um(max(step - 1, 0))

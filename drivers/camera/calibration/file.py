@@ -56,7 +56,7 @@ class CameraCalibration:
     views: int = 0  # number of board views that the calibration was fitted to
 
     def check_size(self, shape: tuple[int, ...]) -> None:
-        """Checks a picture's rows and columns; raises PictureError where they are not this camera's."""
+        """Checks a picture's rows and columns; raises PictureError if they differ from this camera's."""
         lens = self.view.lens
         if tuple(shape[:2]) != (lens.height, lens.width):
             raise PictureError(

@@ -24,7 +24,7 @@ LEAST_SHARE = 0.5  # least share of the profiles of a side that show an edge
 
 
 class Corners(NamedTuple):
-    """Refined corners."""
+    """Refined corners of a tag, and how well lines fit its edges."""
 
     pixels: Array  # (4, 2) in the order of the input
     rms_px: float  # rms distance of the edge points from their lines

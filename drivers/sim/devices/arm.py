@@ -130,7 +130,7 @@ class ArmModel:
         self._tool, self._work_object = _unit(tool), _unit(work_object)
 
     def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
-        """Moves in a straight line to a fine point, at mm/s and deg/s; returns the time of arrival.
+        """Moves in a straight line to a fine point, at speeds in mm/s and deg/s; returns the time of arrival.
 
         Raises:
             HaltError: the arm cannot move there, or a speed is not positive.

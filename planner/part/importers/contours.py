@@ -82,7 +82,7 @@ def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
 def choose(
     candidates: list[Contour], number: int | None, lost: Sequence[Lost]
 ) -> tuple[Contour, list[str]]:
-    """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
+    """Returns the contour `number`, from 1 (None: the only outer contour), and notes on the choice.
 
     Raises:
         UsageError: there is no such contour, or no number and several outer ones; lists them.
