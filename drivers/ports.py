@@ -234,7 +234,7 @@ class Arm(Protocol):
 
         Raises:
             ArmError: the motion was refused before anything was sent, or the arm's state is unknown from now
-            on.
+                on.
         """
 
     def close(self) -> None:

@@ -106,8 +106,8 @@ def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm
 def _ellipsoid(unknown: Array) -> Array:
     """Builds a positive definite matrix (3, 3) with first entry 1 from five unknowns (5,).
 
-    They are entries of its Cholesky factor: the three below the diagonal, then the logarithms of the last
-    two on the diagonal.
+    The unknowns are entries of the matrix's Cholesky factor: the three below the diagonal, then the
+    logarithms of the last two on the diagonal.
     """
     x, y, z, log_y, log_z = unknown
     L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])

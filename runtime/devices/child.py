@@ -66,7 +66,7 @@ class ChildProcess:
 
         Raises:
             TimeoutError: the child had not taken the whole line by `until`; the next call sends the rest
-            first.
+                first.
         """
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:

@@ -32,7 +32,7 @@ def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate
 
     Raises:
         GripperStateError: the gripper moves; or it is inactive or in fault, and activation is not allowed or
-        fails.
+            fails.
     """
     if activate and needs_activation(gripper.state()):
         tell("activating the gripper: the fingers open and close fully")

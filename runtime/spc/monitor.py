@@ -89,7 +89,7 @@ class Monitor:
         """All alarms of a history of this table, in order.
 
         Raises:
-            UsageError: the expectation is of another table.
+            UsageError: the expectation belongs to another table.
         """
         if self.readings is not None:
             self.readings.expected.check(history)

@@ -115,7 +115,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     """Summarises a history; the chart of readings is included if the expectation is known.
 
     Raises:
-        UsageError: the expectation is of another table.
+        UsageError: the expectation belongs to another table.
     """
     parts, table = history.parts, history.table
     passed, judged = _judged(parts)

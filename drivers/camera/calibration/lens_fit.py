@@ -36,7 +36,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
     Raises:
         InputError: there are too few views or too little tilt, no view covers a corner of the picture, or
-        residuals are large.
+            residuals are large.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]

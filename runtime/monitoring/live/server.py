@@ -79,7 +79,7 @@ def served(
 
     Raises:
         UsageError: the text is not such an address, or the address may be reached by other machines without
-        permission.
+            permission.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:

@@ -140,8 +140,8 @@ def expected_failures(table: Table) -> float | None:
 def parts_of_leaves(table: Table) -> int | None:
     """Number of parts to run, so that each of the most frequent leaves has the readings of a type-1 study.
 
-    These leaves together hold the share `COVERED` of the parts. None if there were no trials, or if too many
-    parts would be needed.
+    These leaves together hold the share `COVERED` of the parts. The result is None if there were no trials,
+    or if too many parts would be needed.
     """
     trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
     total, seen = sum(trials), 0
