@@ -179,7 +179,7 @@ def run(
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
 
     Raises:
-        UsageError: as `paths_of`.
+        UsageError: see `paths_of`.
         OutputError: a file cannot be written, or its folder cannot be created.
         UnreachableError: the connection to the cluster was lost.
     """

@@ -36,7 +36,7 @@ class Cluster:
     def __init__(
         self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S
     ) -> None:
-        """Stores the address; raises `UsageError` if it is not one."""
+        """Stores the address; raises `UsageError` if the text is not an address."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
         self.address = address

@@ -54,7 +54,7 @@ class RobotServer:
         self._leaving: dict[socket.socket, float] = {}  # deadlines for the others to disconnect
 
     def serve(self) -> None:
-        """Serves; a client still connected at the end gets a message, and a part under way ends with the run.
+        """Serves clients until no part follows; then a client gets a message, and its part ends with the run.
 
         Raises:
             KeyboardInterrupt: a stop request between two parts.

@@ -153,7 +153,7 @@ class OpcUaServer(PlcServer):
     # -- methods --------------------------------------------------------------------------------------
 
     def _methods(self) -> list[tuple[str, Callable[..., Any], Arguments, Arguments]]:
-        """Each method's path, its function, and its arguments in and out."""
+        """Returns the path, the function, the input arguments and the output arguments of each method."""
         text, handle = TYPES[str], argument("resultHandle", TYPES[int])
         refusal = (argument("error", ua.VariantType.Int32), argument("message", text))
         job, recipe = argument("jobId", text), argument("recipeId", text)

@@ -100,7 +100,7 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
 
 
 def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
-    """Tones at points (along, across) [mm] of a card's plane: its tones, or `behind` outside it."""
+    """Returns the tones of a card at points (along, across) [mm] of its plane; `behind` outside the card."""
     rows, columns = card.cells.shape
     column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
     row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)

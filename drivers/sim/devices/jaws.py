@@ -131,7 +131,7 @@ class Fingers(ABC):
 
     @abstractmethod
     def _dropped(self) -> None:
-        """Called when the held part has slipped out; in a make, the fingers then go on closing."""
+        """Called when the held part has slipped out; the model of a make then closes the fingers further."""
 
     @abstractmethod
     def _forget(self) -> None:
