@@ -46,7 +46,7 @@ class BoundedSocket:
         self._socket.sendall(data)
 
     def makefile(self, mode: str) -> io.BufferedReader:
-        """Returns the answer as a file.
+        """Returns a file from which the answer is read.
 
         Reading it raises a TimeoutError at the deadline, and an `EndlessError` beyond the size limit.
         """

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 # One transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms).
 LINK_TIMEOUT_S = 0.5
 LATE_LOOKS = 3  # number of reads after a deadline
-POLL_S = 0.005  # between two polls of a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
+POLL_S = 0.005  # time between two polls of a busy device; 2F grippers refresh at 200 Hz ([M16] p55)
 
 
 class Clock:
@@ -48,7 +48,7 @@ class Pace:
         self.time_scale = time_scale
 
     def now(self) -> float:
-        """Time of the clock, wall seconds."""
+        """Returns the time of the clock, wall seconds."""
         return self.clock.now()
 
     def pause(self, seconds: float) -> None:
@@ -96,5 +96,5 @@ class Pace:
         return self.clock.now() + seconds / self.time_scale + margin_s
 
     def elapsed(self, since: float) -> float:
-        """Device seconds since the wall time `since`."""
+        """Returns the device seconds that have passed since the wall time `since`."""
         return (self.clock.now() - since) * self.time_scale

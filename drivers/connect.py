@@ -32,7 +32,7 @@ class Makes(NamedTuple):
 
     group: str  # group of entry points by which other packages add schemes
     kind: type  # the Protocol of opened devices
-    known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
+    known: dict[str, str]  # scheme -> module:function, imported when the scheme is first used
 
 
 # A gripper's function takes (port, pace, report, *, read_only, profile), an arm's (url, pace, *, read_only).
@@ -72,7 +72,7 @@ def gripper(
 
     Args:
         port: address of the gripper.
-        profile: of the expected gripper; None: the usual one of its make.
+        profile: profile of the expected gripper; None: the usual profile of the make.
         time_scale: device seconds per wall second.
         read_only: whether the link refuses to write.
         report: receives every retry and failure on the link.
@@ -161,7 +161,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     Args:
         tree: file of the decision table.
         world: physics of the squeezes, `module:factory`.
-        seed: of every draw.
+        seed: seed of every draw.
         report: receives every retry and failure on the gripper's link.
 
     Raises:

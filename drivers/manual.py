@@ -19,7 +19,7 @@ from drivers.ports import TURN_RADIUS_MM, Arm, GripperProfile, GripperState, Obj
 from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be away
-LIFT_S = 60.0  # to lift the hand, also in a safe sequence, which must not wait for long
+LIFT_S = 60.0  # time to lift the hand, also in a safe sequence, which must not wait for long
 # Poses that are closer than this are the same: a simulated arm that follows is read so accurately.
 SAME_MM, SAME_RAD = 0.1, 0.01
 WHICH_WIDTH = "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
@@ -94,7 +94,7 @@ class ManualArm:
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Returns why the simulated arm cannot make a straight motion; empty if it can, or without one."""
+        """Returns why the simulated arm cannot make a straight motion; empty without a reason or an arm."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
@@ -163,12 +163,12 @@ class ManualGripper:
         self.profile = profile
         self._read_only = read_only
         self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
-        self._seen: GripperState | None = None  # state by the last answer
+        self._seen: GripperState | None = None  # state according to the last answer
         self._asked: int | None = None  # width of a request that nobody has waited for yet, um
         self._closed = False
 
     def state(self) -> GripperState:
-        """The state by the person's last answer; before the first answer, open jaws.
+        """Returns the state according to the person's last answer; before the first answer, open jaws.
 
         Raises:
             LinkError: the gripper was closed.

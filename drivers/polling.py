@@ -10,8 +10,8 @@ from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
 from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
 from drivers.stream import closed_on_error
 
-ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
-MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
+ECHO_S = 1.0  # time within which the request is echoed ([SDK] gripper.cpp of Robotiq)
+MOVE_MARGIN_S = 2.0  # time beyond stroke / speed: start, contact detection, settling
 READINGS = 3  # number of readings in a row that must agree before a width is accepted
 WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Seen = TypeVar("Seen")
@@ -40,7 +40,7 @@ class ReadOnlyLink:
         self.read, self.close = link.read, link.close
 
     def write(self, *what: object) -> None:
-        """Raises a ReadOnlyError."""
+        """Refuses to write: raises a ReadOnlyError."""
         words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
         raise ReadOnlyError(
             f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
@@ -53,14 +53,14 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     Every wait has a deadline, and every write whose answer was lost is reported.
 
     Args:
-        link: connection to the device, closed with the gripper, also when the first reading fails.
+        link: connection to the device; it is closed with the gripper, and also if the first reading fails.
         pace: device time.
         report: receives every retry and failure.
-        profile: of the expected gripper; None: the usual one of the make.
+        profile: profile of the expected gripper; None: the usual profile of the make.
         read_only: whether writes are refused.
     """
 
-    # device seconds after a request in which a reading may still be of the previous move
+    # device seconds after a request in which a reading may still belong to the previous move
     stale_s = 0.0
     spread = 0  # largest distance between readings of fingers at rest, in the device's steps
 
@@ -82,15 +82,15 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             self.profile = self._begin(profile)
 
     def state(self) -> GripperState:
-        """Reads the gripper now."""
+        """Reads the gripper, and returns its present state."""
         seen = self._read()
         return self._state(seen, self._target(seen))
 
     def wait(self) -> Settled:
         """Waits until the last move has ended and the fingers are at rest.
 
-        The device must have received the request, readings must no longer be of the previous move, and
-        `READINGS` of them in a row must report the end of the move at positions that agree within `spread`.
+        The device must have received the request, readings must no longer belong to the previous move, and
+        `READINGS` readings in a row must report the end of the move at positions that agree within `spread`.
 
         Raises:
             GripperFault: no move was requested, the request changed, or the move does not settle in time.
@@ -123,7 +123,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         """Reads the device for the first time; returns the profile of the connected gripper.
 
-        `profile` is that of the expected gripper.
+        `profile` is the profile of the expected gripper.
         """
 
     @abstractmethod

@@ -40,13 +40,13 @@ class ObjectState(IntEnum):
     """Whether and how an object stopped the fingers; a journal holds the number."""
 
     NONE = 0  # unknown: the fingers are moving, or were never asked to move
-    OPENING = 1  # something stopped them while opening
-    CLOSING = 2  # something stopped them while closing
+    OPENING = 1  # something stopped the fingers while opening
+    CLOSING = 2  # something stopped the fingers while closing
     AT_TARGET = 3  # the fingers are at the requested width
 
     @property
     def sentence(self) -> str:
-        """The state as words for a message."""
+        """Describes the state in words for a message."""
         return self.name.lower().replace("_", " ")
 
 
@@ -66,7 +66,7 @@ class GripperProfile:
     force_n: tuple[float, float]  # grip force, weakest and strongest
     held_um: int = 2000  # width from which closed fingers are expected to hold a part
     empty_um: int = 5000  # width up to which the object state may miss a held part
-    streams: bool = False  # whether it accepts a request while the fingers move
+    streams: bool = False  # whether the gripper accepts a request while the fingers move
     # Link and offset of the arc on which the tips move, mm. A link alone: the offset has to be measured.
     # Empty: the tips move straight.
     arc_mm: tuple[float, ...] = ()
@@ -119,7 +119,7 @@ class GripperProfile:
     def counted_um(self, count: int) -> int:
         """Converts a position count of the device to a width; only for profiles with `counts`.
 
-        Also converts counts beyond those of the open and closed jaws.
+        Also converts counts beyond the counts of the open and closed jaws.
         """
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
@@ -131,7 +131,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
+    """State of a gripper according to one reading. Widths are nominal, see `GripperProfile`."""
 
     activated: bool  # whether the gripper is ready to move, as after `activate`; a fault may still forbid it
     moving: bool  # whether the fingers are moving
@@ -149,7 +149,7 @@ class GripperState:
 class Settled(NamedTuple):
     """End of a move: all values are from readings after the fingers came to rest."""
 
-    width_um: int  # where the fingers rest
+    width_um: int  # width at which the fingers rest
     object: ObjectState  # never `NONE`
     current_ma: int  # motor current
     target_um: int  # the request this reading belongs to
@@ -162,37 +162,37 @@ class Gripper(Protocol):
 
     @property
     def profile(self) -> GripperProfile:
-        """Profile of its model."""
+        """Profile of the gripper's model."""
 
     def state(self) -> GripperState:
-        """Reads its state now.
+        """Reads the gripper's state now.
 
         Raises:
-            LinkError: it cannot be reached.
+            LinkError: the gripper cannot be reached.
         """
 
     def activate(self) -> None:
-        """Makes the gripper ready to move if it is not; the fingers may sweep.
+        """Makes the gripper ready to move, if needed; the fingers may sweep.
 
         Raises:
-            GripperFault: it cannot be made ready.
+            GripperFault: the gripper cannot be made ready.
         """
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Requests a width on the grid of readings, and returns at once.
 
-        A negative width closes the fingers; the stroke opens them as far as they go. The device is set to
-        its greatest speed and force that do not exceed the arguments, or else to its least.
+        A negative width closes the fingers; the stroke opens them as far as they go. The device is set to its
+        greatest speed and force that do not exceed the arguments, or else to its least ones.
 
         Raises:
-            GripperFault: it is not ready, or reports a fault.
+            GripperFault: the gripper is not ready, or reports a fault.
         """
 
     def wait(self) -> Settled:
         """Waits until the last move has settled.
 
         Raises:
-            GripperFault: it does not settle in time, or the reading cannot be trusted.
+            GripperFault: the move does not settle in time, or the reading cannot be trusted.
         """
 
     def stop(self) -> None:
@@ -233,7 +233,8 @@ class Arm(Protocol):
         limits turns: no point within `radius_mm` of the hand's axis moves faster.
 
         Raises:
-            ArmError: refused before anything was sent, or its state is unknown from now on.
+            ArmError: the motion was refused before anything was sent, or the arm's state is unknown from now
+                on.
         """
 
     def close(self) -> None:
@@ -243,11 +244,11 @@ class Arm(Protocol):
 class Truth(NamedTuple):
     """Ground truth about the part, which only a simulated cell has."""
 
-    x_mm: float  # its pose in the world; NaN where the cell's world has none
+    x_mm: float  # pose of the part in the world; NaN where the cell's world has none
     y_mm: float
     theta_rad: float
     squeezes: int  # number of squeezes
-    crashes: int  # times open fingers were placed on it
+    crashes: int  # times open fingers were placed on the part
     status: str  # result of the last squeeze
     covered: bool = False  # whether the camera's view is blocked
     hypothesis: int = 0  # index of the part's hypothesis
@@ -285,7 +286,7 @@ class Drivers(Protocol):
         read_only: bool = False,
         report: Report = ...,
     ) -> Gripper:
-        """Connects to a gripper, moving nothing; `profile` is that of the expected gripper."""
+        """Connects to a gripper, moving nothing; `profile` is the expected gripper's profile."""
 
     def arm(self, url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
         """Connects to an arm, moving nothing."""

@@ -86,9 +86,9 @@ class Table:
         return np.array([leaf.resolved for leaf in self.record.leaves])
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
-        """Looks up to which nodes or leaves widths (n,) [mm] lead that are read at nodes (n,).
+        """Looks up the node or leaf to which each width (n,) [mm] leads that is read at a node (n,).
 
-        The object flag is not given: a width leads to a branch if it does so at either value of the flag.
+        The object flag is not given: a width leads to a branch if it leads there with or without the flag.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.
@@ -121,7 +121,7 @@ def evaluate(
         job: the true parts and gripper; None: the job of the table.
         world: squeezes the parts; None: a contact world, which draws the mechanics of each squeeze.
         trials: number of parts.
-        seed: seed of all random numbers, except those of a `world` that is passed in.
+        seed: seed of all random numbers, except the random numbers of a `world` that is passed in.
         workers: number of threads; None: one for each core. The result does not depend on it.
         report: progress callback; an exception that it raises ends the evaluation.
 

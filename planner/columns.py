@@ -27,7 +27,7 @@ def read(
         defaults: the columns that the file may lack, with the value of all their rows in this case.
 
     Returns:
-        The columns (n,) by name: those of `names`, then those of `defaults`.
+        The columns (n,) by name: first the names of `names`, then the names of `defaults`.
 
     Raises:
         KeyNameError: a column of `names` is missing.

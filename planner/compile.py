@@ -38,9 +38,9 @@ class Plan:
 
     table: Table  # the decision table, with the evaluation's figures
     root: Node  # the tree with its beliefs, for reports
-    evaluation: Evaluation  # of the finished table, by trials that planning did not use
+    evaluation: Evaluation  # evaluation of the finished table, by trials that planning did not use
     untried: int  # number of branches that no trial took; their widths are REJECT
-    # Seed of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
+    # Seed of the evaluation: `plan-evaluate --seed` with the same number of trials gives the same figures.
     seed: int
     cut: Cut | None = None  # how the search was cut short; None if it was complete
 
@@ -59,7 +59,7 @@ def compile_job(
         job: the checked job.
         workers: number of threads; None: one for each core. The result does not depend on it.
         trials: number of parts squeezed in the evaluation.
-        report: progress.
+        report: receives the progress.
         limit: states when to stop with the best tree so far. The plan is then complete, valid and evaluated,
             but some leaves may be unresolved. Without a time budget the same seed gives the same bytes.
         scheduler: runs the trials of the evaluation; None: as many threads as `workers`.

@@ -1,4 +1,4 @@
-"""Errors of planning, in addition to those of `runtime.shell.errors`."""
+"""Errors of planning; `runtime.shell.errors` has the general ones."""
 
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 from runtime.shell.exit_codes import ExitCode

@@ -208,7 +208,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         return np.full(self.num_envs, 0, np.int64), self._info()
 
     def step(self, actions: Actions) -> tuple[IntArray, Array, BoolArray, BoolArray, Info]:
-        """Acts in the episodes under way, and restarts those that ended at the step before."""
+        """Acts in the running episodes, and restarts episodes that ended at the step before."""
         begun = self._over
         if begun.any():
             self._episodes.begin(begun, self.np_random)

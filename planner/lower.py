@@ -82,8 +82,8 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
     """Returns the least and the greatest reading of each branch: its cluster, with a margin on either side.
 
     A margin is at most half of the gap to the next cluster. A thin part may read like an empty hand; the
-    object flag distinguishes them. So the branch of a thin part extends to the last reading before that of
-    closed jaws.
+    object flag distinguishes them. So the branch of a thin part extends to the last reading before the
+    reading of closed jaws.
     """
     resolution = resolution_of(encoder)
     free, margin = resolution.free, resolution.margin

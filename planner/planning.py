@@ -39,11 +39,11 @@ LEAST_SHORT = 0.0005  # probability of failing leaves below which they are not s
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
 EVALUATING = 0.1  # most of the remaining budget that the first trials may take, and the evaluation
-SQUEEZES = 3.0  # least mean assumed for a finished plan; the first pass may give up after fewer
+SQUEEZES = 3.0  # least mean number of squeezes that is assumed for a finished plan
 CURSORY = 0.2  # share of a budget for the first pass, which may leave some parts without a plan
-REPAIRS = 0.15  # of a budget, for leaves that the last pass left open or that trials refute
+REPAIRS = 0.15  # share of a budget for leaves that the last pass left open or that trials refute
 REPAIRABLE = 0.3  # share of the parts in open leaves below which repairs finish a tree
-TRACTABLE = 0.1  # such a share after the pass before, above which a search is too long for that
+TRACTABLE = 0.1  # share in open leaves of the pass before, above which a search takes too long
 # For progress: share of the work after the passes, and of this the share left after each round of trials.
 AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
@@ -55,7 +55,7 @@ class Cut(NamedTuple):
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         by, share = "interrupt" if self.asked else "budget", round(self.open_share, 6)
         return {"by": by, "open_share": share, "seconds_to_finish": None}
 
@@ -82,11 +82,11 @@ class Planned:
 class Rounds(NamedTuple):
     """Numbers of parts squeezed in trials of a plan."""
 
-    fresh: int  # in the first round, before leaves are searched further; half as many in later ones
-    figures: int  # in the evaluation of the finished table
+    fresh: int  # parts in the first round of trials; later rounds have half as many
+    figures: int  # parts in the evaluation of the finished table
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """Returns these numbers, reduced to what the time budget allows, and reserves the time in `limit`."""
+        """Returns the numbers, reduced to what the time budget allows, and reserves the time in `limit`."""
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
@@ -116,7 +116,7 @@ class Course:
         self._at((1.0 - AFTER_PASSES) * (before + PASSES[number].work * (1.0 - open_share)))
 
     def after_trials(self, attempt: int, open_share: float) -> None:
-        """Reports progress in the search after round `attempt` of trials; `open_share` as for `in_pass`."""
+        """Reports progress in the search after round `attempt` of trials; see `in_pass`."""
         self._at(1.0 - AFTER_PASSES * AFTER_ROUND ** (attempt + 1.0 - open_share))
 
     def _at(self, done: float) -> None:
@@ -132,7 +132,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         problem: the job, resolved.
         limit: states when to stop with the best plan so far.
         trials: parts of the evaluation that follows; time for them is reserved in the budget.
-        report: progress.
+        report: receives the progress.
 
     Raises:
         NoPlanError: no first squeeze is both free of collision and useful, no leaf is within the goal, or
@@ -223,7 +223,7 @@ def finished(
     if not kept[0]:
         raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) for node in table.nodes) - sum(map(len, kept))
-    # Only the leaves change: those that trials refute become unresolved. Branches keep their shares.
+    # Only leaves change: refuted leaves become unresolved. Branches keep their shares.
     table = replace(table, leaves=with_figures(table, run, job)[0].leaves)
     return Planned(pruned(root, kept), without_untried(table, kept), untried, trials, cut)
 
@@ -242,7 +242,7 @@ def judged(
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
-    """Returns the error that no leaf reaches the goal; after a complete search, with the open poses."""
+    """Returns the error that no leaf reaches the goal; it names the open poses if the search was complete."""
     evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:

@@ -32,7 +32,7 @@ from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from 0.5 on it is declared
 MOST_CANDIDATES = 64  # most poses that `Pomdp.actions` declares
-# Candidate poses are those of so many simulated parts after so many random squeezes of each.
+# Candidate poses come from `TRIED` simulated parts, each after `SQUEEZED` random squeezes.
 TRIED, SQUEEZED = 4000, 3
 SEED_CANDIDATES = 0x43414E44
 
@@ -58,7 +58,7 @@ class Pomdp:
     job: Job
     simulator: Simulator
     encoder: Encoder
-    metric: Metric  # of the goal
+    metric: Metric  # metric of the goal
     success: float  # reward for declaring a pose within the goal; a squeeze costs 1
     placements: int  # number of `actions` that squeeze; they come first
     actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
@@ -87,7 +87,7 @@ class Pomdp:
         return replace(model, actions=np.concatenate([squeezes, declarations]))
 
     def initial(self, n: int, rng: Generator) -> Array:
-        """Draws n states (n, 4) from the job's uncertainty, jaws open."""
+        """Draws n states (n, 4) from the job's uncertainty, with open jaws."""
         n = arguments.count(n, "n", 0)
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 

@@ -35,7 +35,7 @@ class Problem:
         job: the checked job.
         encoder: reads widths.
         rule: states how readings are partitioned, when a belief is located, and the leaf heuristic.
-        costs: of squeezes and pushes.
+        costs: costs of squeezes and pushes.
         model: motion and sensor model of the tree's beliefs.
         ahead: the same models with a coarser closing step, for ranking grasp poses.
     """

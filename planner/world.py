@@ -149,7 +149,7 @@ class ContactWorld:
 
 
 class Assorted:
-    """The world of a job with several hypotheses: holds a world for each, in which it is the only part."""
+    """The world of a job with several hypotheses: holds for each one a world without the others."""
 
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds = tuple(worlds)
@@ -186,7 +186,7 @@ def by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Tr
 
 
 def is_contact(world: World) -> bool:
-    """Whether a world, or that of the first hypothesis, is a contact world."""
+    """Whether a world, or for an `Assorted` its world of the first hypothesis, is a contact world."""
     return isinstance(world.worlds[0] if isinstance(world, Assorted) else world, ContactWorld)
 
 
@@ -202,7 +202,7 @@ class ContactWorlds(Worlds):
 
     # Simulators, one for each hypothesis, with one worker, since chunks already share the cores.
     simulators: tuple[Simulator, ...]
-    seed: int  # of all random numbers
+    seed: int  # seed of all random numbers
 
     @classmethod
     def of_job(cls, job: Job, seed: int, step_mm: float = DEFAULT_STEP_MM) -> Self:
@@ -210,7 +210,7 @@ class ContactWorlds(Worlds):
         return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
-        """The world of a chunk."""
+        """Returns the world of a chunk, which has a random stream of its own."""
         stream = [self.seed, chunk]
         if len(self.simulators) == 1:
             return ContactWorld.of_simulator(self.simulators[0], stream)

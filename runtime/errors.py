@@ -1,4 +1,4 @@
-"""Errors of the cell controller, in addition to those of `runtime.shell.errors`."""
+"""Errors of the cell controller; `runtime.shell.errors` has the general ones."""
 
 from pathlib import Path
 

@@ -30,7 +30,7 @@ class Row(NamedTuple):
 
     name: str  # name of the row: an experiment of the paper, or a part
     part: str  # folder of `trees/`
-    materials: str = ""  # of finger and part, for people
+    materials: str = ""  # materials of finger and part, for people
     paper: float | None = None  # success rate that the paper reports; None without one
     # Changes of the job file, each as "section.key=value".
     job: tuple[str, ...] = ()

@@ -38,7 +38,7 @@ class Story(NamedTuple):
 
     squeezes: list[Squeeze]
     leaf: int  # index of the leaf
-    error_mm: float  # of the pose that the leaf states
+    error_mm: float  # error of the pose that the leaf states
 
 
 def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:

@@ -33,7 +33,7 @@ class Wheel(NamedTuple):
 
 
 def read(path: Path) -> Wheel:
-    """Reads a wheel's component and dependencies.
+    """Reads a wheel; returns its entry of the bill and its dependencies.
 
     Raises:
         ValueError: the file is no wheel.

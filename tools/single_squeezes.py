@@ -23,7 +23,7 @@ BUTTERFLY_POSES = (
 MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
-SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
+SQUEEZES = 8000  # number of squeezes for the subspaces of Fig. 4
 # Half the side of the square in which centres of parts start; the fingers miss some of these parts.
 SPREAD_MM = 20.0
 SEED = 4
@@ -56,7 +56,7 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     `names` are the names of the subspaces: free space first, then in the order of their widths.
 
     Raises:
-        ValueError: the number of subspaces is not that of names.
+        ValueError: the numbers of subspaces and of names differ.
     """
     simulator = Simulator.of_job(job, workers=1)
     rng = np.random.default_rng(SEED)

@@ -35,9 +35,9 @@ GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 SUMMED = (
     *("parts", "squeezes", "transactions", "crashes", "delivered"),
-    "halts",  # of the arm's controller
+    "halts",  # halts of the arm's controller
     "leaves_outside_goal",  # parts that a leaf states wrongly, by more than the goal
-    "predicted_outside",  # the number of them that the success rates of the leaves predict
+    "predicted_outside",  # the number of such parts that the success rates of the leaves predict
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
@@ -63,7 +63,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes commands to gripper and arm; records as findings those that no recent reading justifies."""
+    """Observes commands to gripper and arm; records as a finding each command without a recent reading."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf  # time of the last reading; -inf after a command to the jaws
@@ -150,11 +150,11 @@ class WatchedLink:
         self._link.write(*what)
 
     def ready(self, block: bytes) -> bool | None:
-        """Whether an answer says that the gripper may move; None if it does not contain that."""
+        """Whether an answer says that the gripper may move; None if the answer does not say so."""
         return block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
 
     def target(self, block: bytes) -> int | None:
-        """The target that a write sends the jaws to, in the gripper's units; None if it moves nothing."""
+        """The target to which a write moves the jaws, in the gripper's units; None if it moves nothing."""
         return block[3] if block[0] & GOES else None
 
 
@@ -215,13 +215,13 @@ class Counts:
     """Results of one run, or their sums over many: counts, extremes and findings."""
 
     seed: int
-    sums: Counter[str] = field(default_factory=Counter)  # of the quantities `SUMMED`
+    sums: Counter[str] = field(default_factory=Counter)  # sums of the quantities `SUMMED`
     wrist_deg: tuple[float, float] = (math.inf, -math.inf)  # least and greatest angle of the wrist
     silent_s: float = 0.0  # longest time without a notification of the watchdog
     outcomes: Counter[str] = field(default_factory=Counter)  # parts by outcome
     met: Counter[str] = field(default_factory=Counter)  # injected faults by kind
     findings: list[str] = field(default_factory=list)
-    digest: str = ""  # of all records of the journal
+    digest: str = ""  # digest of all records of the journal
     last: PartResult | None = None  # result of the last part
 
 

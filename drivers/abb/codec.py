@@ -66,7 +66,7 @@ def number(value: float, decimals: int) -> str:
     """Formats a number for the wire: fixed point, no exponent, no negative zero.
 
     Raises:
-        ProtocolError: it is not finite, or too large.
+        ProtocolError: the number is not finite, or too large.
     """
     if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
         raise ProtocolError(f"{value} cannot be sent to the arm; stay below {MAX_MAGNITUDE:.0f}")
@@ -78,7 +78,7 @@ def command(code: int, *numbers: str) -> bytes:
     """Creates a command line, to be sent in one piece.
 
     Raises:
-        ProtocolError: it has more numbers or characters than the server can take.
+        ProtocolError: the line has more numbers or characters than the server can take.
     """
     line = " ".join((str(code), *numbers, "#"))
     if len(line) > MAX_LINE or len(numbers) > MAX_NUMBERS:

@@ -54,7 +54,7 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 
 def invert(a: Pose) -> Pose:
-    """Inverts a pose: that of frame A in frame B becomes that of B in A."""
+    """Inverts a pose: the pose of frame A in frame B becomes the pose of B in A."""
     back = conjugate(a.rotation)
     x, y, z = rotate(back, (-a.x_mm, -a.y_mm, -a.z_mm))
     return Pose(x, y, z, back)
@@ -112,7 +112,7 @@ def within_limits(joints_deg: Joints) -> bool:
 def inverse(flange: Pose) -> Joints | None:
     """Inverse kinematics: the joints, deg, at which the flange is at a pose in the base frame.
 
-    The arm faces the target with its elbow up. None if no such joints are in the working ranges.
+    The arm faces the target with its elbow up. Returns None if no such joints are in the working ranges.
     """
     return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
 
@@ -144,7 +144,7 @@ def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Solves the inverse kinematics, elbow up, facing the target: one solution a configuration of the wrist.
+    """Solves the inverse kinematics, elbow up, facing the target: a solution for each wrist position.
 
     Working ranges are not checked; the list is empty if the pose is out of reach.
     """
@@ -166,7 +166,7 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
-    """Decomposes a rotation into X-Y-X turns, those of axes 4 to 6, rad.
+    """Decomposes a rotation into X-Y-X turns, the turns of axes 4 to 6, rad.
 
     There are two solutions, the one with the smaller turn of axis 4 first. If axes 4 and 6 are in line, there
     is only one, with axis 4 at zero.

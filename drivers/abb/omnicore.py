@@ -34,7 +34,7 @@ STOP = {"stopmode": "stop", "usetsp": "normal"}
 PORT = 443
 # longest time from a request, or from the start of the program, to the first response
 START_S = 3.0
-LOOK_S = 0.1  # between two polls: the controller serves some twenty requests a second
+LOOK_S = 0.1  # time between two polls: the controller serves some twenty requests a second
 MOST_NUMBER = 8_000_000  # a RAPID num counts exactly up to here
 HINT = "check the address, and that Robot Web Services are reachable from this network"
 
@@ -52,7 +52,7 @@ class Arm(UprightArm):
 
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
         super().__init__(endpoint, rws, pace, setup, within_sphere(setup))
-        # Number of the last request; starts at random, not to repeat those of an earlier client.
+        # Number of the last request; starts at random, not to repeat the numbers of an earlier client.
         self._moves = secrets.randbelow(MOST_NUMBER)
         try:
             version = self._symbol("sq_version")
@@ -182,7 +182,7 @@ def _is(text: str, number: int) -> bool:
 
 
 def _rapid(pose: Pose) -> str:
-    """A pose in RAPID syntax."""
+    """Returns a pose in RAPID syntax."""
     x, y, z, *turn = codec.pose_numbers(pose)
     return f"[[{x},{y},{z}],[{','.join(turn)}]]"
 

@@ -10,7 +10,7 @@ from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import LAST_AXIS_DEG, compose, invert
 from drivers.errors import PortError
 
-STEP_MM = 50.0  # between checked points of a straight path
+STEP_MM = 50.0  # distance between checked points of a straight path
 SPARE_DEG = 10.0  # margin at both ends of the last axis's range
 # The same margin if the base is unknown: axis 1, which also turns the hand, turns by less than this in a
 # work area.
@@ -82,7 +82,7 @@ def within_irb_120(flange: Pose) -> bool:
 def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
     """Returns a function that says whether a pose of the flange is within `reach_mm` of the base.
 
-    It approximates the kinematics of other arms than the IRB 120.
+    The function approximates the kinematics of arms other than the IRB 120.
     """
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
@@ -114,12 +114,12 @@ def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], 
 class Wrist(NamedTuple):
     """Sum of hand angle and last axis when the joints were last read; predicts the hand's range elsewhere.
 
-    The hand points down. Its angle grows with that of axis 1, which points up, and falls with that of the
-    last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
+    The hand points down. Its angle grows with the angle of axis 1, which points up, and falls with the angle
+    of the last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
     """
 
-    whole_rad: float  # that sum, whole turns counted
-    x_mm: float  # where the hand was then, in the work object frame
+    whole_rad: float  # the sum, whole turns counted
+    x_mm: float  # place of the hand then, in the work object frame
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:

@@ -59,7 +59,7 @@ class UprightArm(ABC):
         reaches: says whether the flange can be at a pose in the base frame.
     """
 
-    look_at = "the pendant"  # where to look once the arm's state is unknown
+    look_at = "the pendant"  # where an operator looks for the arm's state once it is unknown
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class UprightArm(ABC):
 
         Raises:
             ArmError: the arm is silent, or its state unknown.
-            ProtocolError: its answer is invalid.
+            ProtocolError: the arm's answer is invalid.
         """
 
     @abstractmethod
@@ -103,7 +103,7 @@ class UprightArm(ABC):
         """Moves the hand straight to the target, and returns when it is at rest.
 
         Raises:
-            ArmError: it did not arrive in time; its state is unknown.
+            ArmError: the hand did not arrive in time; the arm's state is unknown.
         """
 
     def pose(self) -> ArmPose:
@@ -201,7 +201,7 @@ class UprightArm(ABC):
             )
 
     def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
-        """Marks the arm's state as unknown for good; returns the error for the caller to raise."""
+        """Marks the arm's state as permanently unknown; returns the error for the caller to raise."""
         self._unknown = reason
         return kind(
             f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {self.look_at}"

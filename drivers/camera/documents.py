@@ -20,12 +20,12 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
     """Writes a file atomically.
 
     Args:
-        path: of the file.
+        path: path of the file.
         kind: kind of the file, which `read` checks.
         body: content for JSON.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     document = {"kind": kind, "version": VERSION, **body}
     signed = {**document, "sha256": strict_json.digest(document)}
@@ -36,7 +36,7 @@ def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T
     """Reads a file, and checks its kind, checksum and version.
 
     Args:
-        path: of the file.
+        path: path of the file.
         kind: expected kind.
         remedy: how to create such a file, for the message.
         parse: converts the body; raises KeyError, TypeError or ValueError for an invalid one.
@@ -45,7 +45,7 @@ def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T
         The result of `parse`.
 
     Raises:
-        InputError: it cannot be read, is of another kind or version, was changed, or is invalid.
+        InputError: the file cannot be read, is of another kind or version, was changed, or is invalid.
     """
 
     def refused(problem: str) -> InputError:

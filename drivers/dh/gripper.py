@@ -1,6 +1,6 @@
 """Device logic of a DH gripper: initialisation, moves, and detection of stale states.
 
-The registers have no stop, no fault and no current. Sources are those of `drivers.dh.registers`.
+The registers have no stop, no fault and no current. `drivers.dh.registers` lists the sources.
 """
 
 from collections.abc import Callable
@@ -56,7 +56,7 @@ class Reading(NamedTuple):
 class Gripper(PolledGripper[Reading, int]):
     """Driver of a DH gripper; the target of a move is a position, in thousandths. Connecting only reads."""
 
-    stale_s = 0.2  # time during which the grip state may still be that of the previous move
+    stale_s = 0.2  # time during which the grip state may still belong to the previous move
 
     _link: RtuLink
 

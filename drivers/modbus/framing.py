@@ -33,7 +33,7 @@ class RtuFraming:
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
         """Returns the first frame in received bytes that answers a request; None if there is none.
 
-        Unit, function and content of the frame must be those of an answer to the request.
+        Unit, function and content of the frame must fit the request.
         """
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
@@ -67,7 +67,7 @@ class TcpFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """Returns the answer to a request in received bytes, by the number of the request; None without one.
+        """Returns the answer to a request in received bytes, by the request's number; None if there is none.
 
         Answers to earlier requests are skipped.
         """

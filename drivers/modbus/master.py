@@ -13,7 +13,7 @@ from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming
 from drivers.ports import Report
 from drivers.stream import Stream
 
-GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
+GAP_S = 0.005  # time between two requests: grippers refresh at 200 Hz, or slower
 LATE_S = 0.02  # wall; silence of the line required after a failure, before the next request
 
 
@@ -54,7 +54,7 @@ class Master(StreamLink):
         pace: device time.
         report: receives every failure.
         unit: slave id.
-        framing: of the requests and answers; None: RTU.
+        framing: framing of the requests and answers; None: RTU.
     """
 
     wrong_device: str  # what to check if the device does not know a request

@@ -35,7 +35,7 @@ STOP_ORDER = (ACTION, 5, 4, 2, 1, 3)
 
 # SDO command specifiers of requests: a write of one byte, as the known client sends it, and a read as CiA 301
 # defines it; the known client reads with 0x4F, which is no request of CiA 301. A read is answered with 0x4F
-# or the like, with the data in byte 4; `ANSWER_MASK` selects the bits that must equal those of `ANSWERS`.
+# or the like, with the data in byte 4; `ANSWER_MASK` selects the bits that must equal the bits of `ANSWERS`.
 # canopen's `download` is not used: it repeats a failed write when its buffer is garbage-collected.
 WRITE_ONE, READ = 0x2F, 0x40
 ANSWER_MASK = 0xE2

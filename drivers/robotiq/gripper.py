@@ -43,7 +43,7 @@ class Link(Protocol):
 class Gripper(PolledGripper[Reading, int]):
     """Driver of a Robotiq 2F gripper; the target of a move is a count (rPR). Connecting only reads."""
 
-    stale_s = 0.2  # time during which gOBJ may be of the previous move ([SDK] gripper.cpp)
+    stale_s = 0.2  # time during which gOBJ may belong to the previous move ([SDK] gripper.cpp)
 
     _link: Link
 

@@ -116,7 +116,7 @@ def gripper(
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
-    """Parses the wiring in a port's name, after its `?`; settings that are not named are those of `usual`.
+    """Parses the wiring in a port's name, after its `?`; settings that are not named come from `usual`.
 
     Raises:
         PortError: a setting is invalid, or repeated.
@@ -144,7 +144,7 @@ def scan(path: str) -> Iterator[Answered]:
 
     Raises:
         PortError: the port cannot be opened.
-        LinkError: it takes no bytes, or is gone.
+        LinkError: the port takes no bytes, or is gone.
     """
     with contextlib.closing(SerialStream(path, BAUD)) as stream:
         for baud in SCAN_BAUDS:

@@ -25,7 +25,7 @@ class Field(NamedTuple):
     source: str
 
 
-BLOCK_BYTES = 6  # of 16; the rest is reserved and zero
+BLOCK_BYTES = 6  # used bytes of 16; the rest is reserved and zero
 
 # Host -> gripper.
 OUTPUT_FIELDS = (
@@ -73,8 +73,8 @@ FAULTS = {
 PRIORITY = frozenset({0x05, 0x07})
 MINOR = frozenset({0x08, 0x09})
 
-# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. The whole stroke of a
-# 2F-140 takes about as long, that of a Hand-E less: deadlines computed from these hold for all three.
+# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. The whole stroke of a 2F-140 takes
+# about as long, the stroke of a Hand-E less: deadlines computed from these hold for all three.
 SPEED_MIN_MM_S, SPEED_MAX_MM_S = 20.0, 150.0
 OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
 

@@ -1,8 +1,8 @@
 """The gripper's register blocks through Robotiq's URCap: lines of text on TCP port 63352 of a UR controller.
 
-`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the
+`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are the names of the
 registers: ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read;
-there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
+    there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
 Answers have no sequence number. After a missing answer the link therefore resynchronises: it asks for one of
 `FENCES`, for which it asks at no other time, and discards all answers before that one.
 """

@@ -17,11 +17,11 @@ from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import Control, Input, Output, Status, error_text, is_soft
 from runtime.table import PROFILES
 
-READY_S = 2.0  # from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
-STEADY_S = 0.01  # between readings of fingers at rest
+READY_S = 2.0  # time from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
+STEADY_S = 0.01  # time between readings of fingers at rest
 # Distance from the target, and from the limit of an empty grip, that contradicts the status.
 ARRIVED_UM, EMPTY_UM = 500, 1000
-LEAST_PERCENT, MOST_PERCENT = 50, 100  # of the force of a BasicGrip ([CM] 1.2.3)
+LEAST_PERCENT, MOST_PERCENT = 50, 100  # per cent of the force of a BasicGrip ([CM] 1.2.3)
 STROKE_UM = 1000  # tolerated difference between stroke and profile
 
 GRIP_OUTCOMES = Status.GRIPPED | Status.NO_WORKPIECE
@@ -34,9 +34,9 @@ class Limits(NamedTuple):
     highest_um: int
     slowest_um_s: int
     fastest_um_s: int
-    grip_um_s: int  # with the whole force
+    grip_um_s: int  # velocity of a grip with the whole force
     force_n: float
-    soft: bool  # whether it accepts a velocity for gripping
+    soft: bool  # whether the module accepts a velocity for gripping
 
 
 class Gripper(PolledGripper[Input, Output]):
@@ -45,7 +45,7 @@ class Gripper(PolledGripper[Input, Output]):
     Connecting only reads; errors of the gripper are acknowledged by `activate` alone.
 
     Raises:
-        PortError: the stroke of the module is not that of the profile.
+        PortError: the stroke of the module differs from the profile's stroke.
     """
 
     spread = 50  # um
@@ -139,8 +139,8 @@ class Gripper(PolledGripper[Input, Output]):
 
         Args:
             output: the command.
-            asked: the last output before it.
-            seen: the last reading before it.
+            asked: the last output before the command.
+            seen: the last reading before the command.
             budget_s: time limit of the motion, device seconds.
 
         Returns:

@@ -1,12 +1,12 @@
 """The parameters of a SCHUNK EGU or EGK as data, its control and status bits, and its codes.
 
 A parameter is read and written as a whole. The address of its first register is its code less one; its bytes
-are little-endian, unlike those of Modbus. `plc_sync_input` and `plc_sync_output` are what a fieldbus
-would exchange cyclically.
+are little-endian, unlike Modbus. `plc_sync_input` and `plc_sync_output` are what a fieldbus would exchange
+cyclically.
 
-Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] that of the EGU with
-PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the sections
-that it states; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
+Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the manual of the EGU with
+PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with its section
+numbers; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
 repository (schunk_gripper_dummy/config/grippers).
 """
 
@@ -28,20 +28,20 @@ class Parameter(NamedTuple):
 
     @property
     def address(self) -> int:
-        """Address of its first register on the wire ([CM], example: 0x0040 is requested as 0x003F)."""
+        """Wire address of the parameter's first register ([CM], example: 0x0040 is requested as 0x003F)."""
         return self.code - 1
 
     @property
     def registers(self) -> int:
-        """Number of its registers; the last may have an unused byte."""
+        """Number of the parameter's registers; the last may have an unused byte."""
         return (struct.calcsize(f"<{self.kind}") + 1) // 2
 
     def pack(self, *values: float | bytes) -> bytes:
-        """Packs elements into the bytes of its registers."""
+        """Packs elements into the bytes of the parameter's registers."""
         return struct.pack(f"<{self.kind}", *values).ljust(2 * self.registers, b"\0")
 
     def unpack(self, data: bytes) -> tuple[float, ...]:
-        """Unpacks its elements from the bytes of its registers."""
+        """Unpacks the parameter's elements from the bytes of its registers."""
         return struct.unpack_from(f"<{self.kind}", data)
 
 
@@ -102,7 +102,7 @@ PARAMETERS = _parameters(
 )
 
 
-EGU_60_M_B, EGK_25_M_B = 0x0B, 0x11  # of `module_type`
+EGU_60_M_B, EGK_25_M_B = 0x0B, 0x11  # values of `module_type`
 _SOFT = (*range(0x0E, 0x14),)  # module types of an EGK of any size ([BKS] eGripperType)
 
 

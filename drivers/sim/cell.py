@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from drivers.sim.camera.rig import Rig  # needs the audit extra
 
 
-REACH_MM = 580  # of the simulated arm, which is the same behind every controller
+REACH_MM = 580  # reach of the simulated arm, which is the same behind every controller
 
 
 class LoneGripper(Site):
@@ -29,7 +29,7 @@ class LoneGripper(Site):
 
     Args:
         model: one of `drivers.sim.grippers.SIMULATORS`.
-        seed: of the gripper's lags.
+        seed: seed of the gripper's lags.
         time_scale: simulated seconds per wall second.
     """
 
@@ -49,7 +49,7 @@ class Cell(Site):
 
     Args:
         setting: part and world.
-        seed: of every draw.
+        seed: seed of every draw.
         time_scale: simulated seconds per wall second.
         faults: schedule of faults; None: no faults.
         rig: the camera; None: there is none.
@@ -70,7 +70,7 @@ class Cell(Site):
         arm = ArmServer(self.works.arm, self, self.works.arm_stands)
         _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
         scene = open_port(self._answer, self)
-        # Addresses of its devices, for `drivers.connect`.
+        # Addresses of the cell's devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
             "gripper": make.scheme + path,

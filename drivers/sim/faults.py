@@ -23,11 +23,11 @@ class Kind(NamedTuple):
     """A class of faults: its name, its channel, and the ranges of its random parameters."""
 
     name: str  # name in schedules
-    channel: Channel  # its events
+    channel: Channel  # channel whose events the fault counts
     low: float  # least `value` in a random schedule
-    high: float  # largest
+    high: float  # largest `value` in a random schedule
     lasts: int  # longest duration in a random schedule, in events
-    meaning: str  # effect of the fault; `value` in it is that of the `Fault`
+    meaning: str  # effect of the fault; `value` in it means `Fault.value`
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
@@ -98,7 +98,7 @@ BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCEN
 class Fault(NamedTuple):
     """A scheduled fault, in effect from event `at` to `at + length - 1` of a part.
 
-    Events are those of its channel, counted from 0 for each part.
+    Events are the events of the fault's channel, counted from 0 for each part.
     """
 
     kind: str  # name of its `Kind`
@@ -114,7 +114,7 @@ class Fault(NamedTuple):
 
     @property
     def code(self) -> int:
-        """The gFLT code in the name of the fault; 0 without one."""
+        """The gFLT code in the name of the fault; 0 if the name has no code."""
         return int(self.kind.removeprefix("gflt_"), 16) if self.kind.startswith("gflt_") else 0
 
 
@@ -125,7 +125,7 @@ class Listed:
         self._faults = tuple(faults)
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
-        """The faults of one part."""
+        """Returns the listed faults of one part."""
         return tuple(fault for fault in self._faults if fault.part in (None, part))
 
 
@@ -137,7 +137,7 @@ class Seeded(Listed):
         self._seed = seed
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
-        """The faults of one part."""
+        """Draws the faults of one part, from the seed and the part's number."""
         draw = random.Random(f"{self._seed}/faults/{part}")
         return tuple(_random_fault(draw, part) for _ in range(draw.choice((0, 0, 1, 1, 1, 2))))
 
@@ -171,16 +171,16 @@ class Desk:
         self.met += [fault.kind for fault in self.beginning(channel)]
 
     def beginning(self, channel: Channel) -> list[Fault]:
-        """The faults that begin at the last event of a channel."""
+        """Returns the faults that begin at the last event of a channel."""
         return [fault for fault in self._of[channel] if fault.at == self._events[channel]]
 
     def holding(self, channel: Channel) -> list[Fault]:
-        """The faults that hold at the last event of a channel."""
+        """Returns the faults in effect at the last event of a channel."""
         event = self._events[channel]
         return [fault for fault in self._of[channel] if fault.at <= event < fault.at + fault.length]
 
     def holds(self, kind: str) -> Fault | None:
-        """The fault of a kind, if it holds; else None."""
+        """Returns the fault of a kind that is now in effect; None if there is none."""
         held = (fault for fault in self.holding(KINDS[kind].channel) if fault.kind == kind)
         return next(held, None)
 

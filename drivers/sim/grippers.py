@@ -34,7 +34,7 @@ class Simulator:
     """Simulator of the grippers of one make."""
 
     model: type[Fingers]  # the simulated device
-    registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, with its clock
+    registers: Callable[[Any, Callable[[], float]], Registers]  # by device and clock
     unit: int  # slave id on the serial line
     scheme: str  # prefix of the serial port's path for `drivers.connect`
     link: Callable[[Stream, Pace, Report], Any]  # creates the driver's link on that line
@@ -52,11 +52,11 @@ class Simulator:
 
         Args:
             device: the gripper.
-            site: where it is served.
+            site: simulated time and event loop.
             line: makes a line to the gripper; `checked=False`: its frames have no CRC.
 
         Returns:
-            Path of the serial port, and the addresses of the others.
+            Path of the serial port, and the addresses of the other ports.
         """
         return open_pty(self.slave(device, site.now, line()), site), {}
 

@@ -23,7 +23,7 @@ class Workcell(Surroundings):
 
     Args:
         setting: part and world.
-        seed: of every draw.
+        seed: seed of every draw.
         now: returns the simulated time, s.
         faults: schedule of faults; None: no faults.
     """
@@ -83,8 +83,8 @@ class Workcell(Surroundings):
     def arm_stands(self) -> None:
         """Applies the effect of the arm's last motion on the part; does nothing if there is no new motion.
 
-        It is called when an arm instruction may be over. The hand has carried what it holds, pushed the part,
-        or come down on it.
+        It is called when an arm instruction may be over. In the motion the hand may have carried a part,
+        pushed it, or come down on it.
         """
         if self.arm.moves == self._moves:
             return

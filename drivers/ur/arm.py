@@ -22,8 +22,8 @@ from drivers.ur.rtde import ANSWER_S, PORT, Reading, Rtde
 
 SCRIPT_PORT_BELOW = 2  # the secondary interface, 30002, beside RTDE's 30004
 READY = 7  # robot mode: powered, brakes released
-PROGRAM_RUNS = 0b10  # of the status bits
-MAY_MOVE = 0b11  # of the safety bits: normal or reduced, and nothing else
+PROGRAM_RUNS = 0b10  # bit of the status
+MAY_MOVE = 0b11  # safety bits with which the arm may move: normal or reduced, and nothing else
 SAFETY = (
     "normal",
     "reduced mode",
@@ -38,7 +38,7 @@ SAFETY = (
     "stopped due to safety",
 )
 PAUSED = frozenset({3, 4})  # runtime states: pausing, paused
-LEAST_FRACTION = 0.05  # of the speed slider; below it no deadline is useful
+LEAST_FRACTION = 0.05  # least position of the speed slider; below it no deadline is useful
 STILL_M_S = 0.002
 WHOLE_TURN_MARGIN = 2.0  # factor by which a motion of given duration may be faster in its middle
 REMOTE = (
@@ -68,7 +68,7 @@ class Arm(UprightArm):
         self._open_script = open_script
         self._displaced = False  # whether another program replaced this driver's
         self._fraction = 1.0  # position of the speed slider at the start of the last motion
-        # Number of the last move; starts at random, not to repeat those of an earlier client.
+        # Number of the last move; starts at random, not to repeat the numbers of an earlier client.
         self._moves = secrets.randbelow(1 << 30)
         try:
             self._rtde = Rtde(stream, pace)
@@ -77,7 +77,7 @@ class Arm(UprightArm):
 
     def _read_hand(self) -> Pose:
         seen = self._read()
-        # The pose is that of the controller's active tool, which may differ from the setup's.
+        # The pose is the pose of the controller's active tool, which may differ from the setup's tool.
         flange = compose(script.frame(seen.tcp), invert(script.frame(seen.tcp_offset)))
         return self._setup.hand_at(flange)
 

@@ -1,4 +1,4 @@
-"""Programs in URScript (Universal Robots' script manual) that the driver sends; rotation vectors."""
+"""Programs in URScript (Universal Robots' script manual) that the driver sends; conversions of rotations."""
 
 import math
 

@@ -1,6 +1,6 @@
 """Cost of actions in units of a typical squeeze: by their seconds, or 1 for each squeeze.
 
-The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
+The table's model of time (`runtime.table.timing`) gives the seconds, from where the hand stands after
 the previous squeeze to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
 counts squeezes, and the price of a part that is not located hold for both objectives.
 """
@@ -28,8 +28,8 @@ TYPICAL_WIDTH = 0.5
 class Hand(NamedTuple):
     """State of the hand after an action."""
 
-    placement: Array  # (3,) in the world [mm, mm, rad]
-    width_mm: float  # between the jaws
+    placement: Array  # (3,) pose of the hand in the world [mm, mm, rad]
+    width_mm: float  # opening of the jaws
 
 
 class Closing(NamedTuple):
@@ -44,7 +44,7 @@ class Costs:
     """Costs of squeezes, pushes and moves of the hand, by the objective of a job.
 
     Attributes:
-        timing: of the cell.
+        timing: the model of time of the cell.
         typical_s: seconds of a typical squeeze.
     """
 
@@ -60,7 +60,7 @@ class Costs:
         self._plans_turn = same and not job.actions.pushes
 
     def short_way(self, hand: Hand | None, placements: Array) -> Array:
-        """Grasp poses (k, 3) at the equivalent angle to which the hand turns least.
+        """Replaces the angle of each grasp pose (k, 3) by the equivalent one to which the hand turns least.
 
         The cell uses the same angles, so that each finger stays on the side that the belief assumes, even if
         the two close unevenly.
@@ -76,8 +76,8 @@ class Costs:
 
         Args:
             hand: where the hand stands; None: above the placement, before the first squeeze of a part.
-            placement: (3,) of the squeeze in the world [mm, mm, rad].
-            jaws: how they close.
+            placement: (3,) grasp pose in the world [mm, mm, rad].
+            jaws: how the jaws close.
         """
         if not self._timed:
             return 1.0
@@ -121,7 +121,7 @@ class Costs:
         """Seconds of a squeeze, including the travel of the hand to it.
 
         Args:
-            way: distance [mm] and turn [rad] of the hand, as from `_way`.
+            way: distance [mm] and turn [rad] of the hand, as `_way` returns them.
             jaws: how the jaws close.
             more: further fields of `Visit`.
         """

@@ -1,4 +1,4 @@
-"""Draws latent parameters of parts from the job's doubts, which are possible deviations from the plan.
+"""Draws latent parameters ("traits") of parts from a job's doubts: possible deviations from the plan.
 
 They are drawn once for each part and stay the same in all its squeezes.
 """
@@ -48,7 +48,8 @@ def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) of parts that are pushed along listed paths and of which nothing was measured.
 
     The pressure distribution and the friction of the pusher are drawn independently. The limit surface
-    scatters as much as the job's doubt allows. Jaws and encoder play no part.
+    scatters as much as the job's doubt allows. The latent parameters of jaws and encoder keep their planned
+    values.
     """
     traits, shares = as_planned(n), shares_of(job)
     traits["surface"] = rng.choice(len(shares), n, p=shares)

@@ -43,7 +43,7 @@ class Metric(NamedTuple):
     it is 0.
 
     With several hypotheses a state has a fourth column, its hypothesis; a state of three columns is of the
-    first. The symmetry is that of the state's hypothesis. States of different hypotheses are infinitely far
+    first. The symmetry belongs to the state's hypothesis. States of different hypotheses are infinitely far
     apart, unless the goal does not ask for the hypothesis.
     """
 
@@ -252,9 +252,9 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
     within the goal (mean shift with a flat kernel).
 
     Args:
-        columns: (m, N) the states [mm, mm, rad, and maybe hypothesis], as of `within`.
-        n: how many of them count, at least 1.
-        weights: (h, 6) of the metric.
+        columns: (m, N) the states [mm, mm, rad, and maybe hypothesis], see `within`.
+        n: number of states that count, at least 1.
+        weights: (h, 6) weights of the metric.
         state: (m,) receives the best pose.
 
     Returns:

@@ -12,7 +12,7 @@ from planner.job.model import Job
 
 SIGMAS = 6.0
 """Least distance of two widths that are distinguished, in standard deviations; 0.3 % are mistaken."""
-COARSE_MM = 0.4  # widths that the search may merge where there are very many
+COARSE_MM = 0.4  # range of widths that the search may treat as one reading
 MARGIN_MM = 1.0
 """Distance beyond the widths seen that a branch reaches, at most half a gap."""
 
@@ -27,7 +27,7 @@ class Encoder:
 
     @property
     def mm_per_step(self) -> float:
-        """Width of one step."""
+        """Change of the width for one step of a reading [mm]."""
         return self.opening_mm / self.steps
 
     @property
@@ -64,13 +64,13 @@ def encoder_of(job: Job) -> Encoder:
 
 
 class Resolution(NamedTuple):
-    """Limits for telling readings apart, by the step and the noise of an encoder [steps]."""
+    """Limits for distinguishing readings, from the step and the noise of an encoder [steps]."""
 
     apart: float = 3.0  # least distance of two cluster means
     free: int = 225  # least reading of an empty hand
-    margin: int = 3  # steps beyond those read that a branch takes
+    margin: int = 3  # steps by which a branch extends beyond its readings
     grain: float = 1.0  # scatter of the readings of one width, at least a step
-    coarsest: int = 1  # steps that the search may merge
+    coarsest: int = 1  # most steps that the search may treat as one reading
 
 
 class Partition(NamedTuple):
@@ -83,7 +83,7 @@ class Partition(NamedTuple):
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
-        """The clusters with these readings: one array, not empty, for each cluster."""
+        """Computes the clusters from their readings, one non-empty array for each cluster."""
         return cls(
             mean=np.array([each.mean() for each in readings]),
             low=np.array([each.min() for each in readings]),
@@ -92,12 +92,12 @@ class Partition(NamedTuple):
         )
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
-        """The clusters with these numbers, renumbered in this order."""
+        """Returns the partition of the clusters with these numbers only, in this order."""
         return take(self, np.array(numbers, np.int64))
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
-    """The limits for telling an encoder's readings apart."""
+    """Returns the limits for distinguishing the readings of an encoder."""
     step_mm = encoder.mm_per_step
     noise = encoder.noise_mm / step_mm
     return Resolution(

@@ -18,21 +18,21 @@ RATIO = 1.2207440846057596  # the root of x^4 = x + 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Particles: poses, and traits that each keeps in all squeezes.
+    """Particles: poses, and latent parameters ("traits") that each particle keeps in all squeezes.
 
     For example, the friction of a particle's fingers is the same in every squeeze.
     """
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    # (n,) of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
+    # (n,) readings of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
     reading: IntArray
 
     @classmethod
     def of(
         cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None
     ) -> Self:
-        """A belief of poses (n, 3), by default of parts as planned."""
+        """Returns a belief of particles at poses (n, 3), by default with latent parameters as planned."""
         read = np.full(len(poses), UNREAD) if reading is None else reading
         return cls(poses, as_planned(len(poses)) if traits is None else traits, read)
 

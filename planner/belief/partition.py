@@ -30,7 +30,7 @@ from planner.belief.observation import Resolution
 from planner.belief.stopping import StoppingRule, missed
 from planner.kernel import kernel
 
-MOST_CELLS = 128  # of a belief, unless a cell would be coarser than the rule allows
+MOST_CELLS = 128  # most cells of a belief, unless a cell would be coarser than the rule allows
 CANDIDATES = 48  # candidate poses of a belief, besides one for each cell
 CLIMBS = 2  # mean-shift steps of each candidate
 
@@ -39,16 +39,17 @@ class Rule(NamedTuple):
     """How readings are cut into branches.
 
     Attributes:
-        metric: of the goal.
+        metric: the metric of the goal.
         stopping: the rule for located branches, and the leaf heuristic.
-        resolution: of the encoder.
+        resolution: the resolution of the encoder.
         doubt: probability that a part near a cut strays into a leaf beyond it; a larger value gives fewer
             wrong answers where encoders are off, and more squeezes.
         astray: cost of a part that strays into a branch that is squeezed again [squeezes]; a larger value
             has the same effects.
         branch: cost of an interval [squeezes of one particle]; a larger value gives smaller tables, a smaller
             one fits noise.
-        reach: distance within which a reading counts as near a cut [grains of the encoder].
+        reach: distance within which a reading counts as near a cut, in units of the scatter
+            `Resolution.grain`.
     """
 
     metric: Metric
@@ -74,14 +75,14 @@ class Costs(NamedTuple):
     """
 
     free: int  # least reading of an empty hand
-    coarsest: int  # steps that a cell may have
-    weights: Array  # of the metric
+    coarsest: int  # most steps of a cell
+    weights: Array  # weights of the metric
     modes: int  # most modes of a belief
     stopping: StoppingRule
     doubt: float
     astray: float
     branch: float
-    reach: float  # [steps of the encoder]
+    reach: float  # distance near a cut [steps of the encoder]
 
 
 class Sums(NamedTuple):
@@ -107,7 +108,7 @@ def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
     Args:
         poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
         readings: (n,) readings of the encoder.
-        rule: how they are cut.
+        rule: how the readings are cut.
 
     Returns:
         (n,) the interval of each, numbered from 0 in the order of rising width.
@@ -209,8 +210,8 @@ def explained(
 
     Args:
         columns: (m, n) states, sorted by count.
-        weight: how many of them have each count.
-        costs: of branches and leaves.
+        weight: number of states with each count.
+        costs: costs of branches and leaves.
         reach: distance within which counts are near a cut.
 
     Returns:
@@ -247,7 +248,7 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 def tally(
     counted: Sums, misread: Sums, i: int, j: int, reach: Reach, apart: BoolArray, modes: int
 ) -> tuple[int, int, int, int]:
-    """Numbers of particles for an interval of counts i to j - 1; arguments as of `least_cost`.
+    """Numbers of particles for an interval of counts i to j - 1; see `least_cost` for the arguments.
 
     Returns:
         Particles within the goal of the interval's best candidates; all particles of the interval; particles
@@ -275,7 +276,7 @@ def least_cost(
         misread: further particles that have these readings only if the encoder is off.
         reach: which counts are near a cut.
         apart: (c, c) pairs of candidates that no particle can be near at once; empty for one mode.
-        costs: of branches and leaves.
+        costs: costs of branches and leaves.
 
     Returns:
         The cost, and (m + 1,) where the last interval of the first j counts begins.

@@ -27,14 +27,14 @@ class Push(NamedTuple):
     """A push: the hand comes down beside the part, and moves straight ahead along its own x axis."""
 
     start: Array  # (3,) the hand frame in the world, where it comes down [mm, mm, rad]
-    opening_mm: float  # of the jaws; 0: closed
+    opening_mm: float  # opening of the jaws; 0: closed
     way_mm: float
 
 
 class Squeezed(NamedTuple):
     """The outcome of one action on one belief."""
 
-    belief: Belief  # n particles after it, with their readings
+    belief: Belief  # n particles after the action, with their readings
     width_mm: float  # mean width at which the jaws stop
 
 
@@ -42,11 +42,11 @@ class Outcomes(NamedTuple):
     """The branches of one action on one belief."""
 
     beliefs: list[Belief]  # the particles of each cluster of readings
-    width_mm: float  # see `Squeezed`
+    width_mm: float  # mean width at which the jaws stop
 
     @classmethod
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
-        """Partitions the readings into branches."""
+        """Partitions the readings of a squeeze into branches, and returns these."""
         belief, width_mm = squeezed
         label = partition(belief.states, belief.reading, rule)
         return cls([belief[label == k] for k in range(int(label.max()) + 1)], width_mm)
@@ -85,8 +85,8 @@ def true_placements(
 
     Args:
         placements: where the arm sends the hand.
-        traits: of the parts.
-        rng: of the errors.
+        traits: (n,) latent parameters of the parts.
+        rng: draws the errors of the arm.
         spread: (3,) standard deviations of the arm's errors, drawn for every squeeze.
     """
     placed = placements + spread * rng.standard_normal(placements.shape)

@@ -1,4 +1,4 @@
-"""Certificate of a plan: a lower bound on the mean squeezes of any plan that locates parts as well.
+"""Certificate of a plan: a lower bound on the mean squeezes of all plans that locate parts as well.
 
 The bound holds for plans whose first `DEPTH` squeezes are at placements of the job, along stable sides of the
 part, or at placements of the certified plan. A plan with squeezes at other placements may beat it.
@@ -122,7 +122,7 @@ class Certificate:
 
     leaves: Term  # bound for plans whose leaves hold the job's confidence
     overall: Term  # bound for plans that locate the share `success` of all parts
-    confidence: float  # the job's, for a leaf
+    confidence: float  # share of right answers that the job requires of a leaf
     success: float  # lower limit of the table's success rate in its trials, with 97.5 % confidence
     mean: float  # mean squeezes a part in the trials of the table
     parts: int  # parts of the sample that proves the bound
@@ -152,7 +152,7 @@ class Certificate:
         )
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "squeezes": self.squeezes,
             "confidence": CERTAINTY,

@@ -33,8 +33,8 @@ def most_located(
 
     Args:
         poses: (n, 3) the groups one after the other [mm, mm, rad].
-        start: (k + 1,) where each begins, then n; none is empty.
-        weights: (1, 6) of the metric (`Metric.weights`).
+        start: (k + 1,) first row of each group, then n; no group is empty.
+        weights: (1, 6) weights of the metric (`Metric.weights`).
         order: rotational order of the part.
         workers: threads that share the groups, all cores if None; the result does not depend on it.
 
@@ -89,9 +89,9 @@ def _localise(
     """Converts poses to units of the goal, with angles about the middle of the fullest window of two goals.
 
     Args:
-        poses: (n, 3).
-        weights: (6,) of the metric, for the part.
-        period: of the angle [rad].
+        poses: (n, 3) the poses of a group [mm, mm, rad].
+        weights: (6,) weights of the metric, for the part.
+        period: period of the angle [rad].
         least: poses that a prediction must locate to matter, more than half of them.
         local: receives the poses (n, 3).
         column: (n,) work space.
@@ -123,12 +123,12 @@ def _localise(
 def _enclosed(
     local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array
 ) -> bool:
-    """Whether any prediction may locate `least` poses; if so, `cell` receives a box that holds all that may.
+    """Whether any prediction may locate `least` poses; if so, `cell` receives a box that holds these.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
-        weights: (6,) of the metric, for the part.
+        weights: (6,) weights of the metric, for the part.
         turn: the period of the angles, in units of the goal.
         least: poses that a prediction must locate to matter.
         cell: (7,) receives middle and half sides, and n.

@@ -45,7 +45,7 @@ class Level(NamedTuple):
     placement: IntArray  # (o,) index of the placement, among all placements after that history
 
     def joined(self, more: "Level") -> "Level":
-        """Returns the histories of both levels, those of `more` last, with its squeezes renumbered."""
+        """Returns this level followed by the histories of `more`, whose squeezes are renumbered."""
         more = more._replace(option=more.option + len(self.owner))
         return Level(*(np.concatenate(columns) for columns in zip(self, more, strict=True)))
 

@@ -35,14 +35,14 @@ class Term(NamedTuple):
 
     squeezes: float  # least squeezes on average of any plan of the class
     estimate: float  # the bound without the allowance for the chance of the sample
-    price: float  # of a claimed part that is not located [squeezes]
+    price: float  # price of a claimed part that is not located [squeezes]
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
     """The bound for plans in which each leaf that claims a pose locates a share `confidence` of its parts.
 
     At least a share `success` of all parts ends in such leaves. With probability `certainty` this bound and
-    that of `overall_term` both hold.
+    the bound of `overall_term` both hold.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
@@ -107,11 +107,12 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The term of the price with the greatest bound.
+    """Returns the bound at the price that gives the greatest one.
 
     Args:
         estimates: least cost on the sample at each price.
-        sampled: the same with the allowance for the sample's misses; costs lie between 1 and depth + 1.
+        sampled: least cost at each price, with the allowance for the sample's misses; costs lie between 1 and
+            depth + 1.
         levels: the histories.
         error: probability with which the bound on the mean cost may fail.
         unclaimed: squeezes to subtract for parts that are not claimed.

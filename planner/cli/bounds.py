@@ -1,4 +1,4 @@
-"""The options --bound and --bound-dense: a proved lower bound on the squeezes of any plan as good."""
+"""The options --bound and --bound-dense: a proved lower bound on the squeezes of plans of equal success."""
 
 import argparse
 
@@ -29,7 +29,7 @@ def bound_of(
 ) -> Certificate | None:
     """Proves a lower bound on squeezes if the options ask for it, else returns None.
 
-    The other arguments are as for `certify`.
+    The other arguments are those of `certify`.
     """
     if not (arguments.bound or arguments.bound_dense):
         return None

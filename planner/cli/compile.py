@@ -31,7 +31,7 @@ NAME = "plan-compile"
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
@@ -86,7 +86,7 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _single(arguments: argparse.Namespace) -> int:
-    """Compiles the one job of the file, without variations."""
+    """Compiles the job of the file to one table, where --vary is not given; returns the exit code."""
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)

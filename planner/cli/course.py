@@ -78,7 +78,7 @@ class _Course:
     """Tracks the progress of a command's work, and estimates its end."""
 
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
-        self.share = 0.0  # of the whole work, never less than before
+        self.share = 0.0  # share of the whole work, never less than before
         self._whole, self._clock, self._begun = whole, clock, clock()
         self._first: tuple[float, float] | None = None  # seconds and value of the first known share
         self.known = False  # whether the latest report had a known share, less than 1
@@ -93,7 +93,7 @@ class _Course:
 
     @property
     def seconds(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the work began."""
         return self._clock() - self._begun
 
     def left(self) -> str:
@@ -121,7 +121,8 @@ def _spaced(
     Args:
         course: tracks the progress.
         pause_s: least time between two lines.
-        last_s: time since the beginning at which a line counts as written; the first follows `pause_s` later.
+        last_s: time since the beginning at which a line counts as written; the first line follows `pause_s`
+            later.
         line: formats the course, a stage and its detail.
     """
 

@@ -29,14 +29,14 @@ from runtime.table import Table, takt_text
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
-BELIEVED_TRIALS = 4_000  # in each world that the job believes in
+BELIEVED_TRIALS = 4_000  # trials in each world that the job believes possible
 DEFAULT_PPM_TRIALS = 1_000_000
 MOST_ROWS = 8
 RATES = "wrong {wrong_rate:.2%}, success {success_rate:.2%} of {trials} parts"
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Run a decision table on many parts in a world, and count how often it locates them.",

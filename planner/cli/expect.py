@@ -14,7 +14,7 @@ DEFAULT_TRIALS = 100_000
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     command = shell.parser(
         NAME,
         "Simulate the encoder's readings at each node of a table, as planned and at other frictions: "

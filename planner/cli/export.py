@@ -13,7 +13,7 @@ NAME = "plan-export"
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Write a decision table for a controller without Python: one C99 header, one function block of IEC "

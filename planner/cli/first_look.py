@@ -35,7 +35,7 @@ from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
-ANSWER_S = 60.0  # from the start to the last line, including the compilation of kernels
+ANSWER_S = 60.0  # time until the last line, including the compilation of kernels
 LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
 PICTURE_S = 3.0
 LEAST_DRAWN = 300  # least number of parts in the picture, even if it takes longer than `PICTURE_S`
@@ -49,7 +49,7 @@ Spared = Callable[[str], AbstractContextManager[None]]
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         first_plan.NAME,
         "Can this part be located by squeezing, and how well? Plans for a minute, asks nothing, says what it "

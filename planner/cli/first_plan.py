@@ -24,7 +24,7 @@ SLOW_S = 120.0  # budget of the second search, if the first one was cut short wi
 QUICK = {"particles": 8000}  # overrides of [search]: a rough tree in the time available
 TRIALS = 5000  # parts, so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # least gap between open fingers and the part at any angle, to choose a gripper
-TURN_DEG = 20.0  # default, either way, as from a chute; planning for any angle takes too long
+TURN_DEG = 20.0  # default turn of parts, either way, as from a chute; planning for any angle takes too long
 LARGEST = 1  # number of the largest outer contour, which is the default
 UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 
@@ -126,7 +126,7 @@ def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> 
         job: the job.
         answer_s: time until the answer; a part of it is kept for what follows the plan.
         patient: whether to search once more, for `SLOW_S`, if the time is over before there is a plan.
-        report: progress.
+        report: receives the progress.
 
     Raises:
         NoPlanError: the time does not suffice, or no plan exists.

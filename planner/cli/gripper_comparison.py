@@ -13,7 +13,7 @@ from runtime.shell.errors import UsageError
 
 ALL = "all"
 SHOWN = ("success_rate", "mean_squeezes", "seconds_mean", "error_mm")
-EACH_S = 30.0  # for each gripper when all are compared
+EACH_S = 30.0  # time for each gripper when all are compared
 HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
 
 

@@ -124,7 +124,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Identify the limit surface of a part on its table from measured pushes, and judge it on pushes that "

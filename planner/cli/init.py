@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Begin a job: the outline from a drawing, the rest from answers. What is not stated is asked for on\n"
@@ -191,7 +191,7 @@ def _choice(question: str, choices: Collection[str]) -> str:
 
 
 def _ask(question: str, parse: Callable[[str], T]) -> T:
-    """Asks until `parse` accepts an answer.
+    """Asks until `parse` accepts an answer; returns its result.
 
     Raises:
         UsageError: the input ended.

@@ -24,7 +24,7 @@ from runtime.shell.errors import InputError
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
-MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # largest magnitudes; of other columns `tips.MOST_MM`
+MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # largest magnitudes; other columns: `tips.MOST_MM`
 BOUNDS = tuple(f"{name}_{end}" for name in tips.MOVED for end in ("low", "high"))
 SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
 START_MM = 1.1  # scatter of the places where recorded pushers stand beside the part (decision 0049)

@@ -35,7 +35,7 @@ PREVIEW = (16, 400)  # cells of the posterior in which the table is tried, and p
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     command = shell.parser(
         NAME,
         "Learn a cell's latent parameters from its journals: how the fingers share the closing, where they "

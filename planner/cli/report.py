@@ -16,7 +16,7 @@ MAX_TRIALS = 1_000_000
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"

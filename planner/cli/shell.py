@@ -66,7 +66,7 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
     A path without a suffix, or with a suffix that is not in `FORMATS`, is allowed, too.
 
     Raises:
-        UsageError: the suffix is that of another format.
+        UsageError: the suffix belongs to another format.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         name = path.with_suffix(suffix)
@@ -92,7 +92,7 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
-    """The values of the options of `add_drawing`."""
+    """Returns the values of the options that `add_drawing` added."""
     return Options(**{name: getattr(arguments, name) for name in Options._fields})
 
 
@@ -107,7 +107,7 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 
     Raises:
         TableError: the table cannot be used.
-        InputError: the job is missing, unreadable or another one.
+        InputError: the job is missing or unreadable, or is not the job of the table.
     """
     result = load(arguments.tree)
     if arguments.job is None:
@@ -193,7 +193,7 @@ Body = Callable[[argparse.Namespace], int | None]
 
 
 def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
-    """The `main` of a command: takes its arguments (None: those of the process), returns its exit code."""
+    """The `main` of a command: takes the arguments (None: the process's own), returns the exit code."""
     return lambda argv=None: run(parser(), argv, body)
 
 

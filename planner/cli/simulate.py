@@ -42,7 +42,7 @@ class Results(NamedTuple):
     table: columns.Table
     status: list[str]  # (n,) each one of `names`
     names: tuple[str, ...]
-    given_up: int  # number of those that were cut short
+    given_up: int  # number of squeezes or pushes that were cut short
     drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics for pictures
 
 
@@ -139,7 +139,7 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
@@ -222,7 +222,8 @@ def draw(
 ) -> None:
     """Repeats the squeezes of the first poses (n, 3), n >= 1, step by step, and draws them.
 
-    `pictures` maps the names of `PICTURES` to files; simulator and parameters are those of the results.
+    `pictures` maps the names of `PICTURES` to files; the results were computed with this simulator and these
+    parameters.
     """
     from planner.report import canvas, trajectory  # importing matplotlib is slow
 

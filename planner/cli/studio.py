@@ -19,7 +19,7 @@ MOST_PORT = 65535
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """The parser of the command line."""
     built = shell.parser(
         NAME,
         "Serve a page for a browser on this machine: drop a drawing, see outline, gripper and uncertainty to "

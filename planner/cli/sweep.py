@@ -121,7 +121,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """Returns the report for one of several jobs: it passes on each stage of the job as progress of all."""
+    """Returns the report for one of several jobs, which passes its stages on as progress of all jobs."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
@@ -179,7 +179,7 @@ def run(
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
 
     Raises:
-        UsageError: as `paths_of`.
+        UsageError: see `paths_of`.
         OutputError: a file cannot be written, or its folder cannot be created.
         UnreachableError: the connection to the cluster was lost.
     """

@@ -1,9 +1,9 @@
 """Pushes by round tips, for `plan-simulate --push --tip-radius-mm`.
 
-A line states the centre of a tip at the start and its whole straight way, in the frame of `outline_mm` of the
-job. Recorded tips often overlap the part at the start, by millimetres. Such a tip starts at the nearest place
-outside, where it just touches, and goes the same way: of the corrections tried on recorded pushes this one
-agrees best with the measurements (decision 0049).
+A line of the file states the centre of a tip at the start and the whole straight way of the tip, in the frame
+of `outline_mm` of the job. Recorded tips often overlap the part at the start, by millimetres. Such a tip
+starts at the nearest place outside, where it just touches, and goes the same way: of the corrections tried on
+recorded pushes this one agrees best with the measurements (decision 0049).
 """
 
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ class Beside(NamedTuple):
 
 
 def read(path: Path) -> dict[str, Array]:
-    """Reads n pushes: the columns `NAMES`.
+    """Reads the columns `NAMES` of n pushes.
 
     Raises:
         InputError: see `columns.read`; or an entry is out of range.

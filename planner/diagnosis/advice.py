@@ -46,7 +46,7 @@ def gains_without_noise(
     The table stays the same; the sources are switched off one at a time.
 
     Returns:
-        One gain for each source, the largest first, then that of the run without any noise.
+        One gain for each source, the largest first, then the gain of the run without any noise.
     """
     seed = job.seed + SEED_NOISE
     cases = [Case(PLANNED), *noise_cases(job)]
@@ -84,17 +84,17 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # share that is rejected because the jaws read as closed although they hold it
+    pinched: float  # share that is rejected because jaws that hold the part read as closed
     unresolved: float  # share that ends in unresolved leaves
     at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
     gains: Sequence[Gain]  # cost of each source of noise; empty if not measured
-    proposing: bool  # whether the search proposed placements besides those of the job
+    proposing: bool  # whether the search proposed placements besides the job's
     shares: Shares  # of parts located, rejected and unresolved, rounded as in other reports
     margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         record = self._asdict() | {
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain._asdict() for gain in self.gains],
@@ -163,7 +163,7 @@ def counsel(
 ) -> Advice:
     """Returns the advice on a plan with gains and margins, for which it runs trials.
 
-    `table` and `evaluation` are those of a plan of `planner.compile.compile_job`.
+    `table` and `evaluation` come from a plan of `planner.compile.compile_job`.
     """
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)

@@ -11,16 +11,16 @@ from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part import symmetry
 
-BOTH_SIDES = 2.0  # most that widths differ, in units of the distance of outlines: two fingers touch
+BOTH_SIDES = 2.0  # largest difference of widths, in distances of outlines: two fingers touch
 ALL = 1.0 - 1e-9  # least share that counts as all parts
-ANGLES = 3600  # sampled within the uncertainty
+ANGLES = 3600  # number of angles sampled within the uncertainty
 
 
 class Alike(NamedTuple):
     """A turn of a part that no squeeze detects, but that the goal asks to distinguish."""
 
-    name: str  # of the part
-    degrees: float  # of the turn
+    name: str  # name of the part
+    degrees: float  # angle of the turn
     apart_mm: float  # largest distance between the outline and the turned outline
     grain_mm: float  # scatter of the readings of one width
     share: float  # share of the parts that stay within the uncertainty after the turn

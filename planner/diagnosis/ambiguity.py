@@ -44,7 +44,7 @@ class Whereabouts(NamedTuple):
     scatter: float = 0.0  # largest distance from a single pose, in goals; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "poses": np.round(self.poses, 5).tolist(),
             "shares": [round(share, 4) for share in self.shares],
@@ -52,7 +52,7 @@ class Whereabouts(NamedTuple):
         }
 
     def text(self) -> str:
-        """States the poses and their shares."""
+        """States the poses and their shares, for people."""
         pairs = zip(self.shares, self.poses, strict=True)
         return " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
 
@@ -63,10 +63,10 @@ class Ambiguity(NamedTuple):
     leaf: int  # index of the leaf
     share: float  # share of all parts that end at the leaf
     where: Whereabouts  # the main poses of these parts
-    separator: Separator | None  # squeeze for the first two poses; None: no squeeze tried does it
+    separator: Separator | None  # distinguishes the first two poses; None: no squeeze tried does
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         record = {"leaf": self.leaf, "share": self.share, **self.where.figures(), "separator": None}
         if self.separator is not None:
             placement, widths_mm = self.separator

@@ -4,8 +4,8 @@ from planner.job.model import Job
 from planner.part.outline import min_width
 
 LOW_TIPS_MM = 2.0  # height of the finger tips above the table below which a job gets a warning
-NEAR_TOP_MM = 1.5  # distance of the finger tips from the part's top below which it gets one
-LARGE_GOAL = 0.5  # goal, as a share of the part's least width, above which it gets one
+NEAR_TOP_MM = 1.5  # distance of the finger tips from the part's top below which a job gets one
+LARGE_GOAL = 0.5  # goal, as a share of the part's least width, above which a job gets one
 
 
 def warnings_of(job: Job) -> list[str]:

@@ -17,8 +17,8 @@ DIRECTIONS = 24  # directions of a part's centre from the middle of its disc
 RINGS = 8  # rings of equal area, at whose outer edges the centres of parts lie
 STEP_DEG = 3.0  # largest step between the angles of a part
 TURNS = 12  # angles of the hand at the middle of the disc, besides the job's placements
-HALVINGS = 12  # of the interval in which an opening or a radius is sought
-WIDEST = 16.0  # largest opening tried, in units of the gripper's
+HALVINGS = 12  # number of halvings of the interval in which an opening or a radius is sought
+WIDEST = 16.0  # largest opening tried, in units of the gripper's opening
 
 
 class Shortage(NamedTuple):
@@ -27,7 +27,7 @@ class Shortage(NamedTuple):
     Attributes:
         missing_mm: opening that the jaws lack; 0 if they open wide enough.
         radius_mm: largest radius of the disc of initial positions for which the jaws open wide enough;
-            None: there is none.
+            None: no radius is small enough.
     """
 
     missing_mm: float

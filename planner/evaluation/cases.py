@@ -42,7 +42,7 @@ class Condition(NamedTuple):
         return f"{self.quantity} stays {self.side} {self.value()}" if self.side else self.quantity
 
     def value(self) -> str:
-        """The bound with its unit."""
+        """The bound with its unit, as text."""
         return f"{self.bound:.3g}{self.unit}"
 
     def stricter(self, other: "Condition") -> bool:
@@ -201,7 +201,7 @@ def assumption_cases(job: Job) -> list[Case]:
 
 
 def on_three_feet(job: Job) -> Case:
-    """The case of a part on three of its corners: those of the hull that span the largest triangle."""
+    """The case of a part that stands on the three corners of its hull with the largest triangle."""
     corners = stances(job.part.outline_mm)
     widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
     points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}
@@ -250,7 +250,7 @@ def _encoder_off(mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The condition that the upper finger's share stays below `share`; if not `more`, above it."""
+    """The condition that the upper finger's share stays below `share`; above `share` if `more` is false."""
     side = "below" if more else "above"
     return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 

@@ -28,7 +28,7 @@ class Disturbance:
     def bias(self) -> Array:
         """Error (3,) of the arm's frame in the world [mm, mm, rad].
 
-        All motions share this error, also the next one to a leaf's pose: the table's poses are in the arm's
+        All motions share this error, also the motion to a leaf's pose: the table's poses are in the arm's
         frame.
         """
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
@@ -43,11 +43,11 @@ class Disturbance:
         """Draws the latent parameters of n parts in this cell.
 
         Args:
-            job: the parts.
-            n: their number.
+            job: states the parts.
+            n: number of parts.
             rng: draws the hypothesis of each part and its latent parameters.
-            foreign: whether the world is another one than the contact world, with errors of its own. Unless
-                `believed`, only the hypotheses are then drawn.
+            foreign: whether the world is not the contact world, so that it has errors of its own. Then only
+                the hypotheses are drawn, unless `believed`.
         """
         if foreign and not self.believed:
             traits = hypotheses_of(job, n, rng)

@@ -101,8 +101,8 @@ def sweep(
 ) -> Iterator[Line]:
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
-    `worlds` builds the worlds for a case's job; if None, they are contact worlds of the seed. The other
-    arguments are those of `evaluate`.
+    `worlds` builds the worlds for a case's job; if None, they are contact worlds of the seed. See `evaluate`
+    for the other arguments.
     """
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))

@@ -16,7 +16,7 @@ from planner.part.outline import Outline, width
 from runtime.table import Table
 
 OFTEN = 0.05  # share of answered foreign parts above which the answers are explained
-MOST = 3  # answers that are explained
+MOST = 3  # most answers that are explained
 DIRECTIONS = 360  # angles at which widths are compared, over half a turn
 SCALES, DISC_SIDES = (0.9, 1.1), 60  # relative sizes of generated foreign parts, vertices of a disc
 
@@ -28,7 +28,7 @@ class Answer(NamedTuple):
     part: str | None  # name of the part that the leaf states; None if the job has one part only
     share: float  # share of the foreign parts that end at the leaf
     widths_mm: tuple[float, ...]  # median width of the foreign parts at each squeeze
-    ours_mm: tuple[float, ...]  # median width of the job's parts that end there; empty without any
+    ours_mm: tuple[float, ...]  # median width of the job's parts that end there; or empty
     differ_mm: float  # `widths_differ_mm` of the foreign part and the job's part
 
     @property
@@ -64,7 +64,7 @@ class Tried(NamedTuple):
         return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "name": self.name,
             "trials": len(self.evaluation.leaf),
@@ -120,10 +120,10 @@ def tried(
 
     Args:
         table: the table.
-        job: its job.
+        job: the job of the table.
         ours: trials of the job's parts.
         parts: the foreign parts, each as the job of a single part.
-        evaluated: runs the table on such a part.
+        evaluated: runs the table on a foreign part, and returns the evaluation.
     """
     for foreign in parts:
         result, outline = evaluated(foreign), foreign.part.outline_mm
@@ -132,7 +132,7 @@ def tried(
 
 
 def widths_differ_mm(one: Outline, other: Outline) -> float:
-    """The largest difference of two outlines' widths over all directions, at the turn where it is least."""
+    """The largest difference of two outlines' widths over all directions, at the turn that makes it least."""
     first, second = _all_widths(one), _all_widths(other)
     turned = np.array([np.roll(first, turn) for turn in range(DIRECTIONS)])
     return float(np.abs(turned - second).max(axis=1).min())

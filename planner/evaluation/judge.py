@@ -29,10 +29,10 @@ def states_of(table: Table, leaf: Leaf) -> Array:
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
     """The most frequent poses of the parts in one leaf, with their shares, in descending order.
 
-    At most `MOST_POSES`, each with `LEAST_SHARE` of the parts or more.
+    Returns at most `MOST_POSES` poses, each with `LEAST_SHARE` of the parts or more.
 
     Args:
-        poses: (n, 3 or 4) of the parts, n >= 1.
+        poses: (n, 3 or 4) poses of the parts, n >= 1.
         metric: the metric of the goal, which says what counts as one pose.
     """
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
@@ -53,7 +53,7 @@ def errors_mm(table: Table, leaf: IntArray, poses: Array) -> Array:
 
 
 def within_goal(table: Table, leaf: IntArray, poses: Array) -> BoolArray:
-    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; as for `errors_mm`."""
+    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; see `errors_mm`."""
     metric = metric_of_table(table)
     return np.asarray((_distances(table, leaf, poses, metric) < metric.goal).any(axis=1))
 

@@ -18,7 +18,7 @@ JEFFREYS = 0.5  # both parameters of the beta distribution that is Jeffreys' pri
 
 
 class LeafRecord(NamedTuple):
-    """Predicted and observed success of one leaf; the fields are those of the JSON output."""
+    """Predicted and observed success of one leaf; its fields are the fields of the JSON output."""
 
     leaf: int  # index of the leaf
     visits: int  # trials that ended at the leaf
@@ -42,7 +42,7 @@ class Reliability(NamedTuple):
         return sum(row.holds for row in self.rows) / len(self.rows) if self.rows else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         rows = [row._asdict() for row in self.rows]
         shares = {"share_within_95": self.share, "mean_gap": self.gap}
         return {"leaves": len(rows), **shares, "table": rows}
@@ -97,7 +97,7 @@ class Mistake(NamedTuple):
     widths_mm: tuple[float, ...]  # widths that the encoder read at these nodes
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         poses = {name: _rounded(getattr(self, name)) for name in self._fields[:3]}
         return {**self._asdict(), **poses, "error_mm": round(self.error_mm, 3)}
 
@@ -105,7 +105,7 @@ class Mistake(NamedTuple):
 class Identities(NamedTuple):
     """The names that leaves gave to parts, counted over all trials."""
 
-    names: tuple[str, ...]  # of the hypotheses
+    names: tuple[str, ...]  # names of the hypotheses
     named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none
 
     @property
@@ -115,7 +115,7 @@ class Identities(NamedTuple):
         return float(np.trace(named) / named.sum()) if named.any() else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         total, named = self.named.sum(), self.named[:, :-1]
         return {
             "names": list(self.names),

@@ -27,8 +27,8 @@ def with_figures(
     A leaf becomes unresolved if its trials refute it in a binomial test against the goal's confidence; the
     level of the test holds for all leaves together. The alternatives of the leaf are then the other main
     poses of its parts. A leaf that no part reached keeps its figures, which are tested, too. A leaf also
-    becomes unresolved if the jaws could not hold a part at the leaf's pose: its few trials are squeezes that
-    the simulator gave up.
+    becomes unresolved if the jaws could not hold a part at the leaf's pose: the few trials of such a leaf are
+    squeezes that the simulator gave up.
 
     Returns:
         The new table, and the evaluation with the new table, so that `resolved` agrees with its leaves.
@@ -148,8 +148,8 @@ def _branches(
 ) -> list[tables.Branch]:
     """Returns the branches `numbers` of a node.
 
-    If others are left out, each one is narrowed to the widths that select it in the whole node, and the
-    shares are scaled to add up to 1.
+    If other branches are left out, each of these is narrowed to the widths that select it in the whole node,
+    and the shares are scaled to add up to 1.
     """
     if len(numbers) == len(node.branches):
         return list(node.branches)

@@ -29,11 +29,11 @@ try:
 except ImportError as missing:
     raise ImportError(f"{missing}; install it with: pip install 'squeezetree[mujoco]'") from missing
 
-TABLE_FRICTION = 0.3  # between part and table
+TABLE_FRICTION = 0.3  # friction coefficient between part and table
 ON_TABLE = [TABLE_FRICTION, 0.0, 0.0]  # sliding, torsional and rolling friction of a geom
-DENSITY_KG_M3 = 2700.0  # of the part: aluminium
+DENSITY_KG_M3 = 2700.0  # density of the part: aluminium
 JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
-ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not yield
+ARM_KG = 1e3  # mass of a hand that pushes: the arm behind it does not yield
 FEET = 24  # feet for a pressure along a line or over an area
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers

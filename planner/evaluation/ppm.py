@@ -54,7 +54,7 @@ class Sums(NamedTuple):
     parts: int  # number of parts
     visits: Array  # (L,) weight that ended in each leaf
     wrong: Array  # (L,) weight answered wrongly in each resolved leaf
-    # (L + 1,) sum over parts of the square of a part's wrong weight; last: in all leaves together.
+    # (L + 1,) for each leaf, the sum over parts of the squared wrong weight; last: for all leaves together.
     squares: Array
     rejected: float  # weight of parts whose width fitted no branch
     crashed: float  # weight of parts that an open finger came down on, so that the arm stopped
@@ -66,11 +66,11 @@ class Sums(NamedTuple):
         return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0, 0.0)
 
     def with_more(self, other: Sums) -> Sums:
-        """The sums over the parts of both."""
+        """Returns the sums over the parts of this object and of another."""
         return Sums(*map(add, self, other))
 
     def document(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {name: np.asarray(value).tolist() for name, value in self._asdict().items()}
 
     @classmethod
@@ -97,7 +97,7 @@ class Study:
     program: Program  # the table
     job: Job  # the true parts and gripper
     worlds: Worlds  # worlds that squeeze the parts, one for each chunk
-    seed: int  # of all randomness
+    seed: int  # seed of all random draws
     # (N,) copies of a part at each node, splits at ancestors included; powers of two.
     copies: IntArray
     disturbance: Disturbance  # errors of the cell
@@ -147,7 +147,7 @@ def copies_of(table: Table) -> IntArray:
     """Number of copies of a part at each node, from the share of all parts that the table predicts there.
 
     Args:
-        table: N nodes, children after their parents.
+        table: a table of N nodes, children after their parents.
 
     Returns:
         (N,) powers of two, 1 at the root, never fewer than at the parent.
@@ -181,7 +181,7 @@ class Bound(NamedTuple):
 
         Args:
             total: sum S of the weights.
-            parts: their number n, at least 1.
+            parts: number n of parts, at least 1.
         """
         from scipy.optimize import brentq  # importing it takes a quarter of the start-up time
 
@@ -243,7 +243,7 @@ class Findings:
         return [leaf for leaf in order[:most] if self.leaves[leaf].rate > 0.0]
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         sums = self.sums
         return {
             "parts": sums.parts,
@@ -265,7 +265,7 @@ class Findings:
         }
 
     def lines(self) -> list[str]:
-        """The result as lines of text."""
+        """Returns the findings as lines of text."""
         sums, wrong, parts = self.sums, self.wrong, self.sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
         entries = [

@@ -58,13 +58,13 @@ class Program:
 
     table: Table  # the source
     placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
-    opening_mm: Array  # (N,) before the squeeze
+    opening_mm: Array  # (N,) opening of the jaws before the squeeze
     # From widths to a branch or `REJECT` (`runtime.table.decision_map`); two rows for each node:
     # without and with an object felt.
     lookup: Lookup
     target: IntArray  # (s,) target of each segment: a node, ~leaf, or `DISMISSED`
     drag: Array  # (s, 2) how far the hand then carries a held part before the jaws open [mm]
-    encoder: Encoder  # of the table's gripper
+    encoder: Encoder  # encoder of the table's gripper
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -103,8 +103,8 @@ def encoder_of_table(table: Table) -> Encoder:
 class Step(NamedTuple):
     """Result of squeezing n parts once, each at its own node: poses, readings and branches taken."""
 
-    before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
-    after: Array  # (n, 3) poses after it, with the jaws closed
+    before: Array  # (n, 3) poses in the world before the squeeze [mm, mm, rad]
+    after: Array  # (n, 3) poses after the squeeze, with the jaws closed
     released: Array  # (n, 3) poses where the jaws open, after the drag of held parts
     width_mm: Array  # (n,) true openings
     reading: IntArray  # (n,) twice the encoder's reading, plus 1 if the gripper feels a part
@@ -155,7 +155,7 @@ class Cell:
         Args:
             node: (n,) the node that each part is at.
             poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-            traits: (n,) of the parts.
+            traits: (n,) latent parameters of the parts.
 
         Returns:
             Poses (n, 3) of the parts after the pushes, poses (n, 3) of the hand, and a mask (n,) of the parts
@@ -170,7 +170,7 @@ class Cell:
     def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
         """Poses (n, 3) after the pushes at the parts' nodes; mask (n,) of parts that a finger came down on.
 
-        Arguments as of `come_down`.
+        See `come_down` for the arguments.
 
         Raises:
             UsageError: the world cannot push.
@@ -195,8 +195,8 @@ class Cell:
         Args:
             node: (n,) the node that each part is at.
             poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-            placement: (n, 3) poses of the hand: those of the nodes, with the arm's errors.
-            traits: (n,) of the parts.
+            placement: (n, 3) poses of the hand: the placements of the nodes, with the arm's errors.
+            traits: (n,) latent parameters of the parts.
         """
         program = self.program
         final, width_mm, held = _squeeze_all(self.world, to_hand(poses, placement.T), traits)
@@ -217,7 +217,7 @@ class Cell:
         """Runs the table on parts, at least 1, each followed as several copies from rare nodes on.
 
         Args:
-            parts: their number.
+            parts: number of parts.
             copies: (N,) copies of a part at each node, splits at ancestors included; powers of two.
         """
         poses, nodes = initial(self.job, parts, self.rng), np.zeros(parts, np.int64)

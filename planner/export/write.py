@@ -38,7 +38,7 @@ class Run(NamedTuple):
 
 
 def maps_of(table: tables.Table) -> list[tables.DecisionMap]:
-    """The decision map of each node."""
+    """Returns the decision map of each node of a table."""
     return [tables.decision_map(node, table.gripper) for node in table.nodes]
 
 
@@ -96,12 +96,12 @@ VECTORS = "vectors.csv"
 PREFIX = "squeezetree"
 PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
 """Valid prefixes: names stay within 63 characters (C99), and underscores are single (IEC 61131-3)."""
-JSON_VERSION = 2  # as in the schema
-WIDTH = 100  # of a line of numbers
+JSON_VERSION = 2  # version of the JSON form, as in its schema
+WIDTH = 100  # columns of a line of numbers
 OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf that are not exported
 Row = tuple[int, ...]
 UNKNOWN = -1  # success of a leaf without trials
-LONGEST_TEXT = 60  # of a text of the table in a comment
+LONGEST_TEXT = 60  # most characters of a text of the table in a comment
 
 
 def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:

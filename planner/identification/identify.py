@@ -32,7 +32,7 @@ Surface = LimitSurface | QuarticSurface
 RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid [pairs]
 
 FOLDS = 5
-LEAST_PAIRS = 12  # least pairs in all; a split fits to at least half as many
+LEAST_PAIRS = 12  # least number of pairs; a split fits to at least half of it
 
 _FRICTION_ROUNDS = 5
 _SCALING_ROUNDS = 8
@@ -44,7 +44,7 @@ class Normalised(NamedTuple):
 
     F: Array  # (K, 3) [fx, fy, tau / rho], still in N
     V: Array  # (K, 3) unit [vx, vy, omega rho]
-    weights: Array  # (K,) with mean 1
+    weights: Array  # (K,) weights of the pairs, with mean 1
 
 
 class Directions(Normalised):
@@ -105,9 +105,9 @@ def identify(
         kinds: kinds of surfaces to fit.
         splits: number of random splits.
         train_share: share of the pairs, 0 to 1, to which a split fits; it holds out the others.
-        seed: of the splits and of cross-validation.
+        seed: seed of the splits and of cross-validation.
         friction_n: friction with the table [N]; None: estimated from the pairs of each fit.
-        report: progress.
+        report: receives the progress.
 
     Returns:
         The fit to all pairs and the errors of each kind, in the order of `kinds`.

@@ -26,7 +26,7 @@ STEP = 1e-2  # relative step of finite differences: a push is smooth except wher
 class Motions(NamedTuple):
     """Pushes by a round tip, and the resulting motions of the part."""
 
-    paths: Paths  # of the tip, in the part's frame at the start; they begin clear of the part
+    paths: Paths  # paths of the tip, in the part's frame at the start; they begin clear of the part
     moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
 
 
@@ -106,8 +106,8 @@ def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm
 def _ellipsoid(unknown: Array) -> Array:
     """Builds a positive definite matrix (3, 3) with first entry 1 from five unknowns (5,).
 
-    They are entries of its Cholesky factor: the three below the diagonal, then the logarithms of the last
-    two on the diagonal.
+    The unknowns are entries of the matrix's Cholesky factor: the three below the diagonal, then the
+    logarithms of the last two on the diagonal.
     """
     x, y, z, log_y, log_z = unknown
     L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])

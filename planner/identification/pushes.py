@@ -47,7 +47,7 @@ APPROACH = 0.3
 TIP_PRIOR = 0.5
 """Strength of the pull of `tip_offset` to 0: scatter of the distances from a face, over the likely offset."""
 
-MAX_TILT_DEG = 15.0  # of a logged pose; a larger tilt means that the numbers have another order
+MAX_TILT_DEG = 15.0  # largest tilt of a logged pose; more means that the numbers have another order
 
 MOST_PUSHES = 100_000
 MOST = 1e30  # upper limit on the numbers of a file
@@ -63,7 +63,7 @@ class Push(NamedTuple):
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
-    """Reads a push log.
+    """Reads a push log, and returns its pushes.
 
     Raises:
         InputError: the log is truncated, continues after its last push, holds no push, or has an entry that

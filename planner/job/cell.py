@@ -7,7 +7,7 @@ from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
-    """Returns the limits that the table of a job states; its longest path has `depth` squeezes."""
+    """Returns the limits that a job's table states; the table's longest path has `depth` squeezes."""
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(

@@ -47,7 +47,7 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     Points without weights get equal ones.
 
     Raises:
-        InputError: points lie off the part or all in one place, their number differs from that of the
+        InputError: points lie off the part or all in one place, their number differs from the number of
             weights, or a stated ellipsoid is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":

@@ -18,7 +18,7 @@ INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
 }  # Keys that state the same value in two ways: setting one drops the other
-MOST_BYTES = 64 << 20  # of a file that a person wrote
+MOST_BYTES = 64 << 20  # largest size of a file that a person wrote
 PAPER_PARTICLES = 6_000  # default number of particles of the paper's methods (paper, VII)
 
 
@@ -46,7 +46,7 @@ def read(path: str | Path, advice: str = "check the path") -> str:
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
-    """Reads TOML text.
+    """Parses TOML text; returns the document as nested tables.
 
     Raises:
         InputError: the text is not valid TOML; names line and column.
@@ -65,10 +65,10 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:
-    """Reads the canonical text of a job.
+    """Parses the canonical text of a job; returns the document as nested tables.
 
     Raises:
-        InputError: not a JSON object.
+        InputError: the text is not a JSON object.
     """
     try:
         document = strict_json.parse(text)
@@ -87,8 +87,8 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
         `schema.ABSENT_SECTIONS` that is missing is None.
 
     Raises:
-        KeyNameError: an unknown or missing key or section.
-        InputError: a value of the wrong type or out of its range.
+        KeyNameError: a key or section is unknown or missing.
+        InputError: a value is of the wrong type or out of its range.
     """
     _check_strays(document, (*FIELDS, *TOP_LEVEL), "")
     check_names(document, (*FIELDS, *TOP_LEVEL), "")
@@ -115,10 +115,10 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Returns a copy of a job's document with values replaced; `checked` has not checked the new values.
+    """Returns a copy of a job's document with values replaced; the new values still have to be `checked`.
 
     Args:
-        document: stays as it is.
+        document: the document, which stays unchanged.
         changes: maps a top-level key to its new value, and a section to its new values by key. They also
             apply to entries, such as `[[hypothesis]]`, that state the section themselves.
         where: place that errors name.
@@ -150,9 +150,9 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
 
 def _entries_with(entries: Any, section: str, values: Mapping[str, Any]) -> Any:
-    """Returns a list of entries in which those that state a section have these values in it."""
+    """Returns a list of entries; entries that state the section get these values in it."""
     if not isinstance(entries, list):
-        return entries  # refused later
+        return entries  # an invalid list is refused later
     return [
         {**entry, section: _with_values(entry[section], section, values)}
         if isinstance(entry, dict) and isinstance(entry.get(section), dict)

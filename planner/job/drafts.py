@@ -20,7 +20,7 @@ from runtime.shell.plain_text import cleaned
 from runtime.table import selectable
 
 GRIPPERS = selectable()  # profiles by model
-MIDDLE_SHARE = 1 / 60  # largest distance from the hand's middle to where fingers meet, per stroke
+MIDDLE_SHARE = 1 / 60  # share of the stroke by which fingers may meet off the hand's middle
 
 
 class Fingers(NamedTuple):
@@ -43,18 +43,18 @@ FINGERS = {
 
 MOST_RADIUS_MM = 10.0  # largest radius that is proposed
 FITTING = 0.8  # proposed radius, as a share of `room_mm`
-DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
+DECIMALS = 4  # Decimals of a vertex [mm]: 0.1 um, far below any tolerance of a drawing
 
 
 class Answers(NamedTuple):
     """Settings of a job that a drawing does not contain, such as the gripper and the finger material."""
 
-    name: str  # of the part
-    radius_mm: float  # of the disc in which the part's centroid lies
+    name: str  # name of the part
+    radius_mm: float  # radius of the disc in which the part's centroid lies
     turn_deg: float | None  # the part is turned by at most this, either way; None: by any angle
     gripper: str  # one of `GRIPPERS`
     fingers: str  # one of `FINGERS`
-    distance_mm: float = 3.0  # the goal's, see `schema.Goal`
+    distance_mm: float = 3.0  # distance of the goal, see `schema.Goal`
     height_mm: float | None = None  # the part's thickness; None: unknown
     tips_mm: float | None = None  # height of the finger tips above the table; None: the default
 
@@ -123,7 +123,7 @@ def opening_of(gripper: str) -> float:
 def room_mm(imported: Imported, gripper: str) -> float:
     """Largest distance of the part's centroid from the hand at which open fingers clear it at any angle [mm].
 
-    Negative if the jaws open less than twice the part's reach.
+    The distance is negative if the jaws open less than twice the part's reach.
     """
     return 0.5 * opening_of(gripper) - reach(imported.outline_mm)
 

@@ -111,7 +111,7 @@ class Numbers:
     least: int = 1
     most: int = 10_000
     default: Any = REQUIRED
-    plain: bool = False  # whether it is read as a tuple, instead of an array
+    plain: bool = False  # whether the list is read as a tuple, instead of an array
 
     def read(self, value: Any) -> Array | tuple[Any, ...]:
         """Returns the list as a read-only array, (K,) or (K, columns), or as a tuple, if it is valid."""

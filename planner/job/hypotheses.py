@@ -1,9 +1,9 @@
 """Hypotheses about the part on the table: `[[hypothesis]]` entries, and the two faces of a part.
 
     [[hypothesis]]
-    name = "hex nut"            # of the part
-    share = 0.5                 # of the parts that come; equal shares by default
-    [hypothesis.part]           # as [part]
+    name = "hex nut"            # name of the part
+    share = 0.5                 # share of the parts that come; equal shares by default
+    [hypothesis.part]           # the keys of [part]
     [hypothesis.pressure]       # and [hypothesis.friction]: where they differ from the job's own
 
 Each entry, with the sections that it shares with the others, is the document of a job with one part.

@@ -59,7 +59,8 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
-    # The hypotheses; None if there is only one. Part, pressure and friction above are those of the first.
+    # The hypotheses; None if there is only one. Part, pressure and friction above belong to the first
+    # hypothesis.
     hypothesis: tuple[Hypothesis, ...] | None = None
     foreign: tuple[ForeignPart, ...] | None = None
 
@@ -198,7 +199,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _of_document(document: dict[str, Any], folder: Path | None) -> Job:
     """Returns the job of a document, with a hypothesis for each part and face if there are several.
 
-    `folder` is that of the file in which a person drew the outline; None for the canonical form.
+    `folder` is the folder of the job file that a person wrote; None for the canonical form.
     """
     results: list[tuple[float, Job]] = []
     shares, listed = zip(*hypotheses.stated(document), strict=True)

@@ -38,7 +38,7 @@ def value_of(name: str, text: str) -> Any:
     """Parses the value of the key `name`: any TOML value, or a word without quotes.
 
     Raises:
-        UsageError: the text is neither, or `name` is not a key.
+        UsageError: the text is neither a value nor a word, or `name` is not a key.
     """
     if not re.fullmatch(r"(\w+\.)?\w+", name):
         raise UsageError(f"{shown(name)} is not a key of a job; write it as section.key=value")

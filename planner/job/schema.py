@@ -15,7 +15,7 @@ PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
 # Tables hold integers in um, urad, um/s and mN; the least goal, speed or force is at least ten units.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
-LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
+LEAST_STEP_MM = 0.001  # least step of a reading, which a table states in um
 MOST_OFF_MM = 20.0  # largest constant error of a width
 MM = 1_000.0  # larger than any part, gripper or height of such a cell
 
@@ -24,14 +24,14 @@ MM = 1_000.0  # larger than any part, gripper or height of such a cell
 class Part:
     """The part on the table."""
 
-    name: Annotated[str, Text()]  # for people
+    name: Annotated[str, Text()]  # name of the part
     # (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
     outline_mm: Annotated[Outline, Numbers(PLACE, columns=2, most=MOST_VERTICES)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
     symmetry: Annotated[int, Integer(1, MOST_ORDER, default="auto", word="auto")]
     # Distance of real contours from the drawn one: moulded about 0.2, cut 0.1, cast 0.5; 0 = none.
     tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
-    # From the table to the part's top where the fingers close; None: not stated.
+    # Height of the part's top above the table where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
     # (3,) datum of the drawing: x, y [mm] and angle [deg] in the frame of the outline; None: not
     # stated.
@@ -59,7 +59,7 @@ class Gripper:
     model: Annotated[str, Text(default=DEFAULT_MODEL)]
     finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
     finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
-    # Between the inner faces, jaws fully open. None, here and in the next two: the value of the model.
+    # Distance of the inner faces of fully open jaws. None, here and in the next two: the model's value.
     opening_mm: Annotated[float, Number(0, MM, above=True, default=None)]
     resolution_mm: Annotated[float, Number(LEAST_STEP_MM, MM, default=None)]  # step of a reading
     noise_mm: Annotated[float, Number(0, 10, default=None)]  # std of a reading before its rounding
@@ -102,7 +102,7 @@ class Doubt:
     ends. All others are at the middle of their intervals.
     """
 
-    chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
+    chance: Annotated[float, Number(0, 1, default=0.8)]  # probability of an error
     # Error of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _pair(-1, 1)]
     # Distance of the place where the fingers meet, on the part's narrowest side, from the hand's middle.
@@ -123,8 +123,8 @@ class Doubt:
 class Release:
     """Motion of a held part when the jaws open: standard deviations of a normal distribution."""
 
-    shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # of x and of y
-    turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # of the angle
+    shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # deviation of x and of y
+    turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # deviation of the angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class Uncertainty:
 class Actions:
     """Actions from which each node of the tree chooses: grasp poses for squeezes, and optional pushes.
 
-    The grasp poses are all pairs of an angle and a centre, and those that the node's belief suggests.
+    The grasp poses are all pairs of an angle and a centre, and poses that the node's belief suggests.
     """
 
     # Angles of the hand's x axis in the world.
@@ -167,7 +167,7 @@ class Goal:
         str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")
     ]
     distance_mm: Annotated[float, Number(LEAST_MM, 100)]  # for "pose" and "modes"
-    # Least probability of a leaf.
+    # Least probability that a part at a leaf is located.
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]
     # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[tuple[float, float], _pair(LEAST_MM, 100, 2.5)]
@@ -191,7 +191,7 @@ class Search:
     """
 
     method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
-    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # for growing the tree
+    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # number that grows the tree
     max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, in squeezes
 
 
@@ -206,16 +206,16 @@ class Cell:
     ]
     # Height of the tips above the table while the arm travels.
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
-    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
+    squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # of tips in a squeeze
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
-    max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
+    max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # closing speed
     # None, here and below: the value of `runtime.table.timing.DEFAULTS`, which the job's text leaves out.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)]
-    # Tips between two squeezes of one part; None: just above the part.
+    # Height of the tips between two squeezes of one part; None: just above the part.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     arm_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each motion
     jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each stroke
-    poll_s: Annotated[float | None, Number(0, 1, default=None)]  # between two polls of the gripper
+    poll_s: Annotated[float | None, Number(0, 1, default=None)]  # time between two polls
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,11 +224,11 @@ class Delivery:
 
     # (3,) target of the part's frame in the world: x, y [mm] and angle [deg].
     drop: Annotated[Array, Numbers(PLACE, least=3, most=3)]
-    # Name of one of [part] picks; None: the origin of the part's frame.
+    # Name of a pick in [part]; None: the origin of the part's frame.
     grasp: Annotated[str | None, Text(default=None)]
-    # Width that the fingers have to read; None: any but an empty hand.
+    # Width that the fingers have to read; None: any width but an empty hand's.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
-    # (4,) x min, y min, x max, y max of the hand while it carries; None: the work area.
+    # (4,) x min, y min, x max, y max: area of the hand while it carries a part; None: the work area.
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
 

@@ -45,7 +45,7 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
     """Returns the text of a surface file; numbers are exact.
 
     Args:
-        values: of the keys of `schema.LIMIT_SURFACE`.
+        values: the value of each key of `schema.LIMIT_SURFACE`.
         identification: texts, numbers and lists of texts about the origin of the surface.
     """
     import tomlkit  # only writing a surface needs it, not reading a job

@@ -26,7 +26,7 @@ class Grid(NamedTuple):
     corner: Array  # (2,) least x and y of the grid [mm]
     size: Array  # (3,) sides of a cell [mm]
     shape: IntArray  # (3,) number of cells along each axis
-    period: float  # of the last coordinate [mm]
+    period: float  # period of the last coordinate [mm]
 
     @property
     def spacing_mm(self) -> float:
@@ -35,7 +35,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(points: Array, period: float) -> Grid:
-    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is that of the last coordinate [mm]."""
+    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is the last coordinate's [mm]."""
     wrapped = np.array(points, dtype=np.float64)
     wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
     corner = wrapped[:, :2].min(axis=0)
@@ -134,7 +134,7 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
 ) -> int:
-    """Finds the points whose squared distance exceeds that of the nearest by at most `spread` [mm^2].
+    """Finds the points whose squared distance exceeds the nearest point's by at most `spread` [mm^2].
 
     Searches within `start` [mm] first: a good guess saves a second search. Returns their number, at least
     1; `place` and `squares` (N + 1,) receive their indices in the grid and the excess of each squared

@@ -42,9 +42,9 @@ class RollOuts(NamedTuple):
 
 
 class Block(NamedTuple):
-    """A block of the starts in one ring: `starts` of them, but at most `BLOCK`.
+    """A block of consecutive starts in one ring, at most `BLOCK` of them.
 
-    It begins at start number `BLOCK * number` of the ring.
+    The block begins at start number `BLOCK * number` of the ring.
     """
 
     ring: int  # number of the ring, from the innermost on

@@ -24,9 +24,9 @@ class Jaws(NamedTuple):
     """The jaws of a gripper, open."""
 
     opening_mm: float
-    length_mm: float  # of a finger, along x of the hand frame
-    thickness_mm: float  # of a finger, along the closing direction
-    upper_share: float  # of the closing that the upper finger makes
+    length_mm: float  # length of a finger, along x of the hand frame
+    thickness_mm: float  # thickness of a finger, along the closing direction
+    upper_share: float  # share of the closing that the upper finger makes
 
 
 def jaws_of(gripper: Gripper) -> Jaws:
@@ -83,7 +83,7 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
     """Whether the part overlaps the box of a finger, so that the finger cannot be set down.
 
-    Arguments as for `clearance`, and the finger's thickness [mm].
+    The arguments are those of `clearance`, and the finger's thickness [mm].
     """
     n = points.shape[1]
     inside = False
@@ -252,9 +252,9 @@ def first_contacts_mm(outline: Array, jaws: Jaws, poses: Array, share: Array) ->
     The width is 0 where they never touch it. The fingers count as `SIDE_MARGIN_MM` longer at both ends.
 
     Args:
-        outline: (N, 2) of the part [mm].
+        outline: (N, 2) outline of the part [mm].
         jaws: the fingers and their opening.
-        poses: (n, 3) in the hand frame [mm, mm, rad].
+        poses: (n, 3) poses of the part in the hand frame [mm, mm, rad].
         share: (n,) share of the closing that the upper finger makes.
     """
     width_mm = np.empty(len(poses))

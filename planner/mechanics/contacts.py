@@ -1,7 +1,7 @@
 """Contacts between a polygonal part and the two fingers, with their gaps.
 
-Fingers are boxes with their sides along the axes. The inner faces of fingers that close look at each other;
-those of fingers that push side by side look in the same direction. Four pairs of features can touch:
+Fingers are boxes with their sides along the axes. The inner faces of closing fingers look at each other; the
+inner faces of fingers that push side by side look the same way. Four pairs of features can touch:
 
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;
@@ -78,7 +78,7 @@ class Tips(NamedTuple):
     """A pusher that touches the part with points, or with round tips centred at them."""
 
     centres: Array  # (K, 2) [mm]
-    radius: float  # of each; 0 for points [mm]
+    radius: float  # radius of each tip; 0 for points [mm]
 
 
 class _Pair(NamedTuple):

@@ -41,7 +41,7 @@ class LimitSurface:
 
 
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
-    """Fits the ellipsoid to a pressure distribution; arguments as for `about_centre`."""
+    """Fits the ellipsoid to a pressure distribution; see `about_centre` for the arguments."""
     F, V, shift = about_centre(points, weights, rho_mm)
     A = np.round(fit(F, V), DIGITS)
     A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
@@ -112,7 +112,7 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the component of A F across
     the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the
     result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any
-    magnitude but 0; `weights` (K,) are those of the squared residuals.
+    magnitude but 0; `weights` (K,) multiply the squared residuals.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b

@@ -30,7 +30,7 @@ class Mixture:
 
     @property
     def workers(self) -> int:
-        """Threads that share the roll-outs."""
+        """Number of threads that share the roll-outs."""
         return self.simulators[0].workers
 
     @property

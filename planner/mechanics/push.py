@@ -56,13 +56,13 @@ class Mechanics(NamedTuple):
     """Limit surface and friction of each of n pushed parts."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
-    mu: Array  # (n, 2) friction; the first column is that of the pusher
+    mu: Array  # (n, 2) friction; the first column is the friction of the pusher
 
 
 class PushEnds(NamedTuple):
     """Final poses of n pushed parts, and how each push ended."""
 
-    poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
+    poses: Array  # (n, 3) poses of the parts in the pusher's frame at the start [mm, mm, rad]
     touching: IntArray  # (n,) 1 where the pusher touches the part
     given_up: IntArray  # (n,) 1 where the stepping failed: the part then moves with the pusher
 
@@ -86,7 +86,7 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
     """Pushers that are the ends of the two fingers of a hand, side by side along x.
 
     Each moves along -y by its `way_mm` (n,). Two fingers that touch each other, because their `opening_mm`
-    (n,) is 0, count as one. `length_mm` and `thickness_mm` are those of a finger.
+    (n,) is 0, count as one. `length_mm` and `thickness_mm` are the size of a finger.
     """
     n, closed = len(opening_mm), opening_mm <= 0.0
     shifts = np.column_stack([np.zeros(n), -way_mm])

@@ -37,7 +37,7 @@ ROUNDING = 1e-12  # Keeps a draw with few degrees of freedom positive definite
 class QuarticSurface:
     """A convex quartic limit surface."""
 
-    coefficients: Array  # (15,) of the monomials `EXPONENTS`; read-only
+    coefficients: Array  # (15,) coefficients of the monomials `EXPONENTS`; read-only
     certificate: Array  # (9, 9) symmetric positive definite Q that shows convexity; read-only
     rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 

@@ -38,7 +38,7 @@ class QuarticFitError(ExpectedError):
 
 
 def fit_pressure(points: Array, weights: Array, rho_mm: float) -> QuarticSurface:
-    """Fits the quartic to a pressure distribution; arguments as for `limit_surface.about_centre`."""
+    """Fits the quartic to a pressure distribution; see `limit_surface.about_centre` for the arguments."""
     F, V, shift = limit_surface.about_centre(points, weights, rho_mm)
     return fit(F, V, rho_mm).in_coordinates(shift)
 
@@ -57,7 +57,7 @@ def fit(
         F: wrenches.
         V: their twists.
         rho_mm: the length that normalises both.
-        weights: (K,) of the squared residuals of the pairs; None: all 1.
+        weights: (K,) weights of the squared residuals of the pairs; None: all 1.
         ridge: weight of a pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
         robust: whether large angles between twists count linearly, not squared, since measured pairs may
             have outliers.

@@ -171,7 +171,7 @@ class Simulator:
         """Squeezes a part at a pose (3,) in the hand frame, from open jaws, and records every step.
 
         Args:
-            pose: of the part [mm, mm, rad].
+            pose: (3,) pose of the part [mm, mm, rad].
             surface: (3, 3) ellipsoid or (6, 6) quartic, as from `surface.nominal`.
             mu: friction at both fingers.
 
@@ -263,11 +263,12 @@ class Simulator:
         are ignored, since they are tenths of a millimetre.
 
         Args:
-            poses: in the hand's frame at the start, clear of the fingers [mm, mm, rad].
+            poses: (n, 3) poses of the parts in the hand's frame at the start, clear of the fingers [mm, mm,
+                rad].
             opening_mm: (n,) opening of the jaws; 0: the fingers touch one another.
             way_mm: (n,) how far the hand goes along its x axis.
             rng: source of the random mechanics.
-            traits: (n,) of the parts; as planned if None.
+            traits: (n,) latent parameters of the parts; None: as planned.
 
         Returns:
             (n, 3) poses of the parts after the push, in the same frame.
@@ -342,7 +343,7 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
     """Checks traits (n,) of parts for a simulator that has `surfaces` limit surfaces.
 
     Raises:
-        ValueError: not an array of traits, or a number is not finite or out of range.
+        ValueError: the argument is not an array of traits, or a number is not finite or out of range.
     """
     if np.shape(traits)[1:] or getattr(traits, "dtype", None) != TRAITS:
         raise ValueError("traits are not an array (n,) of traits; pass a changed as_planned(n)")
@@ -356,7 +357,7 @@ def checked_surfaces(surfaces: Array) -> Array:
     """Checks limit surfaces (n, 3, 3) or (n, 6, 6), and returns them.
 
     Raises:
-        ValueError: wrong shape, or not finite.
+        ValueError: the shape is wrong, or a number is not finite.
     """
     size = 6 if np.shape(surfaces)[1:] == (6, 6) else 3
     return arguments.rows(

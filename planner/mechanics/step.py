@@ -228,7 +228,7 @@ def _most_violated(contacts: Contacts, count: int, V: Array) -> int:
 
 @inlined_kernel
 def _one_finger(contacts: Contacts, count: int) -> bool:
-    """Whether all touching contacts are those of one finger."""
+    """Whether all touching contacts belong to one finger."""
     finger = 0
     for k in range(count):
         if contacts[k].gap <= TOUCHING_MM:

@@ -14,17 +14,17 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.part.outline import offsets, reach
 
 WAVES = 3  # number of wavelengths of outline errors; the longest wave goes once around the contour
-FRESH = -1.0  # as the friction of a part: drawn anew for every squeeze
+FRESH = -1.0  # value of "friction" with which every squeeze draws a new coefficient
 SHAPES = 2 + 2 * WAVES  # number of deviations of an outline, see `shapes`
 
 TRAITS = np.dtype(
     [
         ("hypothesis", np.int64),  # number of the part's hypothesis
-        ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
+        ("friction", np.float64),  # coefficient; `FRESH`: drawn anew for every squeeze
         ("share", np.float64),  # added to the upper finger's share of the closing
         ("surface", np.int64),  # number of the limit surface in the simulator
-        ("dof", np.int64),  # degrees of freedom of that surface's scatter; 0: those of the job
-        ("deviation", np.float64, SHAPES),  # of the outline, for each of `shapes` [mm]
+        ("dof", np.int64),  # degrees of freedom of the surface's scatter; 0: as the job states
+        ("deviation", np.float64, SHAPES),  # one deviation for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # error of the encoder in proportion to the width
         ("across_mm", np.float64),  # offset of the hand along the closing direction

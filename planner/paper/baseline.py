@@ -27,7 +27,7 @@ WIDTH_DIGITS = 1  # decimals of widths [mm]: parts whose widths agree to these t
 
 
 class Achieved(NamedTuple):
-    """Results of the plan in one world."""
+    """Results of a sensorless plan in one world."""
 
     oriented: float  # share within `ORIENTED_DEG` of the predicted angle, modulo the period
     located: float  # share within the job's goal of the best pose or poses
@@ -40,12 +40,12 @@ class Baseline(NamedTuple):
 
     plan: SqueezePlan  # the squeezes
     bound: int  # upper bound on the squeezes of such a plan: 2 n - 1 for a hull of n vertices
-    real: Achieved  # in the job's stochastic contact world
-    ideal: Achieved  # in the same world with long jaws and no friction: only the order of contacts matters
+    real: Achieved  # results in the job's stochastic contact world
+    ideal: Achieved  # results with long jaws and no friction: only the order of contacts matters
     trials: int  # number of parts in each of the two worlds
 
     def figures(self) -> dict[str, Any]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "baseline": "sensorless",
             "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],

@@ -20,8 +20,8 @@ from planner.work.progress import Report, silent
 def plan_paper(job: Job, simulator: Simulator, report: Report = silent) -> Node:
     """Plans a job with method "paper" or "sensorless"; returns the root of the tree.
 
-    The constants are the paper's: of the job's [search] only the method, the particles and the longest path
-    are used; of its [actions] the angles and centres. The tree has one node if each first squeeze collides or
+    The constants are the paper's. The job's [search] gives only the method, the particles and the longest
+    path, and its [actions] the angles and centres. The tree has one node if each first squeeze collides or
     lowers the singleton ratio too much.
     """
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, report)

@@ -27,7 +27,7 @@ STILL_MM = 1e-6  # Distance below which a particle is already at a stored pose
 class Projection:
     """Moves particles to the subspaces of one part, which are stored as final poses in the hand frame."""
 
-    stored: dict[int, tuple[Array, cKDTree]]  # by subspace: its poses (n_k, 3) and their k-d tree
+    stored: dict[int, tuple[Array, cKDTree]]  # poses (n_k, 3) of each subspace, and their k-d tree
     rho_mm: float  # millimetres that count like one radian
     order: int  # rotational order of the part
 
@@ -56,8 +56,8 @@ class Projection:
         """Moves particles (n, 3) to the nearest stored poses of their subspaces (BeliefUpdateProjection).
 
         `label` (n,) is the number of each particle's subspace. A particle whose subspace has no stored poses,
-        such as free space, stays where it is. Of symmetric angles, the angle nearest to that of the particle
-        is used. A second projection changes nothing.
+        such as free space, stays where it is. Of the angles equal by symmetry, the one nearest to the
+        particle's angle is used. A second projection changes nothing.
 
         Returns:
             (n, 3) new poses.

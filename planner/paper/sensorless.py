@@ -49,7 +49,7 @@ class WidthFunction:
         """The minima and maxima that remain when ripples shallower than `ripple_mm` are smoothed out.
 
         A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
-        apart. The shallowest pair goes first; at least one minimum and one maximum are kept.
+        apart. The shallowest pair is removed first; at least one minimum and one maximum are kept.
         """
         at = np.concatenate([self.minima, self.maxima])
         order = np.argsort(at)

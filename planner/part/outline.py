@@ -214,7 +214,7 @@ class Rectangle(NamedTuple):
 
     length_mm: float  # its longer side
     width_mm: float  # its shorter side
-    turn_deg: float  # of the longer side from x, in (-90, 90]
+    turn_deg: float  # angle of the longer side from x, in (-90, 90]
 
     def text(self) -> str:
         """Describes the rectangle for people: the sides, and the turn if it is not parallel to the axes."""

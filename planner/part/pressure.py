@@ -40,7 +40,7 @@ class Pressure:
     weights: Array | None = None  # (M,) share of the load on each support, of sum 1, for "points"
     ellipsoid: Array | None = None  # (3, 3) A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N)
     rho_mm: float | None = None  # the rho that `ellipsoid` or `quartic` is normalised with
-    quartic: Array | None = None  # (15,) of a convex quartic (`planner.mechanics.quartic`)
+    quartic: Array | None = None  # (15,) coefficients (`planner.mechanics.quartic`)
     certificate: Array | None = None  # (9, 9) certificate that `quartic` is convex
 
 

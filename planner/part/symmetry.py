@@ -20,7 +20,7 @@ SOME = 16  # number of vertices, spread from the least to the greatest radius, t
 class Turn(NamedTuple):
     """A turn after which a part looks nearly the same, although the part lacks this symmetry."""
 
-    degrees: float  # about the centroid
+    degrees: float  # angle of the turn, about the centroid
     apart_mm: float  # Hausdorff distance of the outline from the turned one
 
 
@@ -58,7 +58,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """Returns the turn after which an outline differs least from itself, other than those of its symmetry.
+    """Returns the turn after which an outline differs least from itself, except the turns of its symmetry.
 
     Tries turns by k / n of a circle, n up to `TURNS`; `symmetry` is the outline's rotational order.
     """

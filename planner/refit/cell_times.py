@@ -9,7 +9,7 @@ from runtime.table import CLEAR_MM, Phases, Schedule, Table, Timing, job_of, tra
 
 LEAST_SQUEEZES = 20  # fewer squeezes give no estimate
 LEAST, MOST = 10.0, 100_000.0  # range of accelerations tried [mm/s2]
-HALVINGS = 60  # of the range of accelerations
+HALVINGS = 60  # number of halvings of the range of accelerations
 
 
 class Timed(NamedTuple):

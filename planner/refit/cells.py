@@ -34,7 +34,7 @@ class Quantity(NamedTuple):
     The values of `least_dof` are natural logarithms of the degrees of freedom.
     """
 
-    key: str  # in [doubt] or [friction]
+    key: str  # name of the quantity in [doubt] or [friction]
     low: float
     high: float
 
@@ -49,7 +49,7 @@ class Space(NamedTuple):
     def of(cls, job: Job, surfaces: int) -> Self:
         """Returns the space of a job's cells: the intervals of their constant errors and friction.
 
-        The intervals are those of the job, widened to the errors and the friction that are usual in cells. A
+        The job's intervals are widened to the errors and the friction that are usual in cells. A
         quantity whose interval has no width is left out.
         """
         doubt, friction = job.doubt, job.friction
@@ -86,7 +86,7 @@ class Space(NamedTuple):
         """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
         Each quantity is uniform in its interval; the two bounds of the friction are then sorted. If there are
-        several surfaces, half of the points have surface 0, that of the job.
+        several surfaces, half of the points have surface 0, the surface of the job.
         """
         low, high = self.bounds
         points = rng.uniform(low, high, (n, len(low)))
@@ -117,7 +117,7 @@ def _on_feet(job: Job) -> list[Surface]:
 class Off(Disturbance):
     """A disturbance that gives all parts the same latent parameters, except for errors of their outlines."""
 
-    all_alike: Traits | None = None  # (1,) of all parts; None: as planned
+    all_alike: Traits | None = None  # (1,) latent parameters of all parts; None: as planned
 
     def traits(self, job: Job, n: int, rng: Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
         """The latent parameters (n,) of n parts: equal ones, with an outline error drawn for each part."""

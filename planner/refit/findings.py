@@ -18,13 +18,14 @@ KEPT_DOUBT = 0.1  # `friction.doubt` in the job, at most, once both bounds are l
 SURE = 0.8  # least probability of another limit surface that replaces the job's
 OFF_MM = 0.5  # distance of the fingers' meeting point from the middle that asks for repair
 OFF = 0.02  # error of the upper finger's share that asks for repair
-DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}  # in the job
+# Decimals of the values in a job.
+DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}
 
 
 class Finding(NamedTuple):
     """Posterior mean and 90 % interval of one quantity, in the form of the JSON output.
 
-    Those of `least_dof` are of its natural logarithm. For `pressure`, `mean` and `low_5` are both the
+    For `least_dof` the numbers are natural logarithms. For `pressure`, `mean` and `low_5` are both the
     probability of the job's limit surface, and `high_95` is the greatest probability of any surface.
     """
 
@@ -37,7 +38,7 @@ class Finding(NamedTuple):
 
 
 def findings(posterior: Posterior, cells: Cells) -> list[Finding]:
-    """Returns the finding for each quantity of the space, then that for the pressure if it may differ."""
+    """Returns a finding for each quantity of the space, then one for the pressure if it may differ."""
     results = [_finding(quantity, posterior, cells.job) for quantity in posterior.space.quantities]
     return results + ([_pressed(posterior)] if posterior.space.surfaces > 1 else [])
 
@@ -116,7 +117,7 @@ def surface_shares(posterior: Posterior) -> Array:
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """The new values of the job by section and key, without those that the journals do not determine."""
+    """The job's new values, by section and key; values that the journals do not determine are left out."""
     every = findings(posterior, cells)
     record = {finding.quantity: finding for finding in every if finding.learned}
     doubt: dict[str, Any] = {

@@ -19,7 +19,7 @@ from planner.refit.outcomes import LINE
 
 RARE = 30.0  # simulated parts with an outcome below which the scores of the outcome shrink to 0
 CURVED = 3  # cells per coefficient above which the regression includes squares and products
-RIDGE = 1e-6  # of the regression, in units of the features' variance
+RIDGE = 1e-6  # ridge of the regression, in units of the features' variance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,17 +33,17 @@ class Likelihood:
     centre: Array  # (k,) mean of the features
     scale: Array  # (k,) standard deviation of the features
     curved: bool  # whether the terms include squares and products
-    statistics: Array  # (k,) of the observed parts
+    statistics: Array  # (k,) statistics of the observed parts
     slopes: Array  # (p, k) coefficients of the regression
     whiten: Array  # (k, k) whitens the scatter
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 
     @classmethod
     def of(cls, features: Array, shown: IntArray, seen: Array, counts: int) -> Self:
-        """Learns the likelihood of the observations.
+        """Learns the likelihood of the observations from simulated cells, and returns it.
 
         Args:
-            features: (m, k) of the simulated cells.
+            features: (m, k) features of the simulated cells.
             shown: (m, 2, n, d) numbers of the d outcomes of n parts, in two sets of parts for each cell.
             seen: (size,) number of observations of each outcome in n parts.
             counts: number of outcomes without an order; the others are steps along lines, `LINE` on each.

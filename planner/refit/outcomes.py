@@ -1,4 +1,4 @@
-"""Numbers the outcomes of a table's parts, so that those of journals and of simulated parts can be compared.
+"""Numbers the outcomes of a table's parts, to compare the outcomes of journals and of simulated parts.
 
 An outcome is a reading at a node or, at an audited leaf, a residual: the measured less the predicted pose.
 """
@@ -54,7 +54,7 @@ class Outcomes:
     def of_parts(self, evaluation: Evaluation) -> IntArray:
         """Returns the outcome numbers (n, d + 3) of n simulated parts.
 
-        Of each part, d numbers are of its squeezes, then three of the x, y and theta of its residual.
+        The first d numbers of a part are for its squeezes, the last three for x, y and theta of its residual.
         """
         bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
         place = self.table.gripper.bins * evaluation.path + bins

@@ -25,9 +25,9 @@ SURFACE_FEATURES = 2  # principal components that describe a limit surface
 WIDE = 0.25  # power of the likelihood between rounds; it makes the posterior twice as wide
 EFFECTIVE = 15.0  # least effective number of cells at which chains start
 COARSE = 2  # factor by which the first half of the rounds simulates fewer parts
-DRAWN = 2_000  # cells of the posterior
+DRAWN = 2_000  # number of cells drawn from the posterior
 CHAINS = 300  # least number of chains; the steps of a chain depend on the spread of the others
-STEPS = 200  # of each chain
+STEPS = 200  # steps of each chain
 ROOM = 0.25  # margin, as a share of the range of cells tried, in which the polynomials still hold
 ACROSS = 0.1  # share of steps by the whole difference of two chains, which may lead to another mode
 
@@ -39,7 +39,7 @@ class Effort(NamedTuple):
     """The numbers of rounds, cells and parts that are simulated."""
 
     rounds: int = 7
-    cells: int = 100  # in each round; twice as many in the first
+    cells: int = 100  # cells in each round; twice as many in the first
     parts: int = 600  # least parts in each cell, about
     parts_for_each: float = 4.0  # least parts in each cell for each observed part, about
 
@@ -59,7 +59,7 @@ class Posterior:
     space: Space
 
     def of(self, key: str) -> Array:
-        """The values (n,) of one quantity."""
+        """The values (n,) of the quantity `key` in the sample."""
         return np.asarray(self.cells[:, self.space.column(key)])
 
 
@@ -108,8 +108,8 @@ def _log(
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
     """Simulates pairs of sets of parts in one cell; returns their outcome numbers (pairs, 2, n, d).
 
-    A set has as many parts as `seen`, n. In the second set of each pair, at most as many parts are audited as
-    in `seen`.
+    Each set has n parts, the number of parts in `seen`. In the second set of each pair, at most as many parts
+    are audited as in `seen`.
     """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))

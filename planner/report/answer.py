@@ -13,8 +13,8 @@ class Answer(NamedTuple):
     """Result of a first look at a part."""
 
     short: str  # a grade, or "cut" (search unfinished) or "unknown" (for most parts)
-    verdict: Verdict  # on the plan
-    figures: dict[str, Any]  # from `Evaluation.summary`
+    verdict: Verdict  # verdict on the plan
+    figures: dict[str, Any]  # figures of the plan, from `Evaluation.summary`
     most_squeezes: int
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each

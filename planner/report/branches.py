@@ -14,7 +14,7 @@ from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Leaf, Node, Table, wilson_interval
 
 MOST_SHOWN = 24  # most panels that a page shows at first
-MARGIN_MM = 3.0  # beside the branches of a node's chart
+MARGIN_MM = 3.0  # margin beside the branches in the chart of a node
 # Subtrees that fewer parts reach are folded away: the first of these shares at which `MOST_SHOWN` suffices.
 LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 
@@ -22,7 +22,7 @@ LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 class Way(NamedTuple):
     """One branch of a node: its widths, the panel it leads to and how many parts took it."""
 
-    key: str  # of the panel it leads to
+    key: str  # key of the panel that the branch leads to
     low_mm: float
     high_mm: float
     planned: float  # share of the parts at the node that the table expects to take it
@@ -182,7 +182,7 @@ class _Places:
 
 
 def span_of(ways: list[Way]) -> tuple[float, float]:
-    """Least and greatest width of a node's chart [mm]: those of its branches `ways`, with a margin."""
+    """Least and greatest width of a node's chart [mm]: the widths of the branches `ways`, with a margin."""
     low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 

@@ -52,7 +52,7 @@ def save(path: Path, draw: Callable[[], Figure]) -> None:
 
 
 def blank(width_in: float, height_in: float) -> Figure:
-    """A white figure with automatic layout."""
+    """Returns a white figure with automatic layout."""
     return Figure(figsize=(width_in, height_in), facecolor="white", layout="constrained")
 
 
@@ -156,5 +156,5 @@ def part(state: Array) -> int:
 
 
 def points(shape: Array) -> str:
-    """Vertices (n, 2) as SVG points."""
+    """Returns vertices (n, 2) as the `points` of an SVG polygon."""
     return " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)

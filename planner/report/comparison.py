@@ -40,8 +40,8 @@ class Plan(NamedTuple):
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
     """Compares two plans by the figures of their tables, and by the keys in which their jobs differ.
 
-    Each table is evaluated in the cell of its job: with as many trials as the figures that it stores, or with
-    `trials` if it stores none.
+    Each table is evaluated in the cell of its job: with the number of trials behind its stored figures, or
+    with `trials` if it stores none.
     """
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]

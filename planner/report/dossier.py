@@ -37,7 +37,7 @@ from runtime.table import Table
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
-OTHER_TRIALS = 300  # in another world, which may be slow
+OTHER_TRIALS = 300  # trials in another world, which may be slow
 REJECTS = 100  # most rejects with a picture, the latest
 LISTED = 5000  # most parts of a journal on the page: failed ones first, then the latest
 GRADES = {"good": "Good:", "fair": "With a weakness:", "poor": "Not good enough:"}
@@ -46,12 +46,12 @@ GRADES = {"good": "Good:", "fair": "With a weakness:", "poor": "Not good enough:
 class Source(NamedTuple):
     """Further input of a page, besides the table and its job."""
 
-    name: str  # of the table's file
+    name: str  # name of the table's file
     data: bytes  # content of the table's file
     log: RunLog | None = None  # a journal of the table
     bound: Certificate | None = None  # lower bound on squeezes
     takt_s: float | None = None  # time within which a part should be done
-    compared: Comparison | None = None  # with another plan, or with another run
+    compared: Comparison | None = None  # comparison with another plan, or with another run
 
 
 class Reject(NamedTuple):
@@ -59,7 +59,7 @@ class Reject(NamedTuple):
 
     caption: str
     belief: Array  # (m, 3 or 4) possible states of the part when the hand arrives
-    fingers: Array  # (2, 4, 2) [mm]
+    fingers: Array  # (2, 4, 2) corners of the fingers [mm]
     part: Array  # (3 or 4,) the replayed state at this node with the nearest width
     reach: float  # half the side of the picture [mm]
 

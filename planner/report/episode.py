@@ -14,7 +14,7 @@ from planner.pomdp import Pomdp, declares
 from planner.report import canvas
 
 SIDE_PX, DPI = 480, 100
-MOST_OUTLINES = 150  # of a belief
+MOST_OUTLINES = 150  # most outlines that are drawn of a belief
 MARGIN_MM = 3.0
 
 

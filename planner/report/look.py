@@ -20,10 +20,10 @@ SQUEEZES = range(1, 4)  # lengths of the path for which the scenes fit beside ea
 class Scene(NamedTuple):
     """The belief before the first squeeze, or after one of the squeezes, and one part at that time."""
 
-    number: int  # of the squeeze; 0 before the first one
+    number: int  # number of the squeeze; 0 before the first one
     belief: Array  # (m, 3 or 4) states of the parts, as `with_hypothesis` returns them
     share: float  # share of all parts that are in the belief
-    angle_deg: float  # of the hand that has squeezed
+    angle_deg: float  # angle of the hand that has squeezed
     width_mm: float  # expected reading
     closed: Array  # (0 or 2, 4, 2) fingers, closed to the expected width [mm]
     before: Array  # (3 or 4,) state of the one part before the squeeze

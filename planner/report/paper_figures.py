@@ -19,7 +19,7 @@ from planner.report.replay import Replay
 from runtime.table import Table
 
 OUTLINES = 90  # most outlines drawn in one panel
-DARKNESS = 0.75  # of a place that all outlines of a panel cover
+DARKNESS = 0.75  # darkness (0 to 1) of a place that all outlines of a panel cover
 WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: fits a README without scaling
 FONT = 8.5
 

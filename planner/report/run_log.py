@@ -1,8 +1,8 @@
 """The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
 A journal consists of JSON lines. Each line has a SHA-256 of its other fields, among which is the SHA-256 of
-the line before. This chain is checked through all files of a journal that was sealed in segments.
-`grasp-journal replay` checks that every decision follows from its widths.
+the line before. This chain is checked through all files of a journal that consists of several closed
+segments. `grasp-journal replay` checks that every decision follows from its widths.
 """
 
 import base64
@@ -24,7 +24,7 @@ class Squeezed(NamedTuple):
     """One squeeze of a part."""
 
     node: int
-    width_um: int  # where the fingers came to rest
+    width_um: int  # width at which the fingers came to rest
     target: int | None  # where the reading leads: a node, or ~leaf; None if it was rejected
 
 
@@ -40,7 +40,7 @@ class PartLog:
     audit: str | None = None
     name: str | None = None  # name of the located part, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
-    seconds: float | None = None  # from its first motion to its outcome, if recorded
+    seconds: float | None = None  # time from its first motion to its outcome, if recorded
     phases: list[Phases] = field(default_factory=list)  # seconds of each squeeze, if recorded
 
     @property
@@ -63,7 +63,7 @@ class RunLog(NamedTuple):
         return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def rejects(self) -> list[tuple[PartLog, Squeezed]]:
-        """The parts whose last reading was rejected, with that squeeze."""
+        """The parts whose last reading was rejected, each with the squeeze of this reading."""
         last = [(part, part.squeezes[-1]) for part in self.parts if part.squeezes]
         return [(part, squeeze) for part, squeeze in last if squeeze.target is None]
 

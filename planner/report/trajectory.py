@@ -1,4 +1,4 @@
-"""Squeezes: panels as in the paper's Fig. 3, or a page with a slider."""
+"""Pictures of squeezes: panels as in the paper's Fig. 3, or a page with a slider."""
 
 from collections.abc import Sequence
 from html import escape
@@ -88,7 +88,7 @@ def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[floa
 
 
 def frame(axes: Axes, half: tuple[float, float]) -> None:
-    """Sets equal axes in mm with a faint grid; `half` are half the width and the height."""
+    """Sets equal axes in mm with a faint grid; `half` holds half the width and half the height."""
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal")
     axes.set_xticks([-20, 0, 20])
     axes.set_yticks([-40, -20, 0, 20, 40])

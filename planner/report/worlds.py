@@ -16,8 +16,8 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-TRIALS = 2000  # in each world where an assumption is broken
-LEAST_TRIALS = 100  # the same where time is short
+TRIALS = 2000  # trials in each world where an assumption is broken
+LEAST_TRIALS = 100  # least number of these trials where time is short
 TIMED_TRIALS = 200  # parts squeezed to estimate the duration of a world
 
 
@@ -37,18 +37,18 @@ def tried(
     report: Report = silent,
     limit: Limit | None = None,
 ) -> list[Line]:
-    """Evaluates a table in further worlds.
+    """Evaluates a table in worlds other than its planned one.
 
     Each further world breaks one assumption of plans, or sets one uncertain quantity of the job to an end of
     its interval.
 
     Args:
         table: the table.
-        job: its job.
+        job: the job of the table.
         planned: the evaluation in the planned world, from `evaluation_of`.
         trials: number of parts in each further world.
         scheduler: runs the trials; None: threads on all cores.
-        report: progress.
+        report: receives the progress.
         limit: once it is over, no further world is tried.
 
     Returns:

@@ -24,10 +24,11 @@ from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # least share of parts located for an outline to count as located
 LEAST_MM = 1.0  # least radius of the uncertainty; an outline that allows less is too large
-LONGEST_NAME = 80  # of a part in a job
+LONGEST_NAME = 80  # most characters of a part's name in a job
 ERROR = "error of the program"
 RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
-KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")  # of a plan's summary
+# Figures of a plan that are kept.
+KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")
 Figures = dict[str, Any]
 
 
@@ -37,11 +38,11 @@ class Item(NamedTuple):
     name: str  # key of the outline, unique
     outline_mm: list[list[float]]  # (N, 2)
     base: str  # canonical text of the job with gripper, friction and goal
-    budget_s: float  # of planning, processor time
+    budget_s: float  # processor time for planning
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; returns the figures, or those of an error.
+    """Plans an outline and evaluates its table; returns the figures, or a record of an error.
 
     Raises:
         UnreachableError: the only error that is not reported in the figures.

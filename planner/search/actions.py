@@ -28,8 +28,9 @@ class AlongSides(NamedTuple):
     """Hand placements along a part's sides, computed from a belief; empty where the job proposes none.
 
     Attributes:
-        about_modes: (k, 3) about the main modes of the belief [mm, mm, rad].
-        about_middles: (k, 3) the same about the middle of each mode's poses, where open jaws clear more.
+        about_modes: (k, 3) placements about the main modes of the belief [mm, mm, rad].
+        about_middles: (k, 3) the same placements, moved to the middle of each mode's poses, where open jaws
+            clear more particles.
     """
 
     about_modes: Array
@@ -38,13 +39,13 @@ class AlongSides(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ActionSet:
-    """Hand placements to choose from.
+    """The hand placements among which every node of a plan chooses.
 
     Attributes:
-        placements: (k, 3) fixed ones: the hand frame in the world [mm, mm, rad].
+        placements: (k, 3) fixed placements, which are poses of the hand frame in the world [mm, mm, rad].
         proposals: placements relative to a belief, for each hypothesis; empty for none.
-        area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        first: (m, 3) placements of the first squeeze; None: the same as for any other.
+        area: ((x_min, y_min), (x_max, y_max)) in which the hand may be placed.
+        first: (m, 3) placements of the first squeeze; None: the placements of any other squeeze.
     """
 
     placements: Array
@@ -53,7 +54,7 @@ class ActionSet:
     first: Array | None = None
 
     def followed(self, poses: Array) -> Array:
-        """Placements (k, 3): the fixed ones, then one for each fixed angle at the mean of parts (n, 3)."""
+        """The fixed placements, then one for each fixed angle at the mean of the poses (n, 3): (k, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return np.concatenate([self.placements, about])
@@ -77,8 +78,8 @@ class ActionSet:
 def middle_of(states: Array, mode: Mode) -> Array:
     """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite.
 
-    Returns the pose itself where no state does: a mode may lie between states, or be the symmetric pose of
-    all of them.
+    Returns the mode's pose itself where no state lies so: a mode may lie between states, or be the symmetric
+    pose of all of them.
     """
     angle = mode.pose[2]
     along = states[np.abs(wrap(states[:, 2] - angle, 2)) < ALONG, :2]
@@ -102,7 +103,7 @@ def turnable(job: Job) -> bool:
 
 
 def _first(job: Job, actions: ActionSet) -> Array:
-    """Placements of the first squeeze, no two of them equivalent: the fixed ones, and shifted ones.
+    """Returns the placements of the first squeeze: fixed and shifted ones, no two of them equivalent.
 
     The fixed ones are also shifted along the fingers if the job has one centre and proposes placements.
     """
@@ -112,7 +113,7 @@ def _first(job: Job, actions: ActionSet) -> Array:
 
 
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
-    """The placements (k, 3) without those that a turn about the origin maps to an earlier one.
+    """The placements (k, 3), without placements that a turn about the origin maps to an earlier one.
 
     Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
     placements `common` (m, 3) are available to every squeeze of the plan; a turn counts only if it maps them

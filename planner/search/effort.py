@@ -13,7 +13,8 @@ class Pass(NamedTuple):
     finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
     frugal: bool = False  # whether all nodes are expanded with the low effort of improbable ones
-    # Whether it continues the tree of the pass before at all first squeezes that may be better.
+    # Whether the pass continues the tree of the previous pass, and expands all first squeezes that may be the
+    # best.
     explores: bool = False
 
 
@@ -34,7 +35,7 @@ PASSES = (
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.20),
 )
-REPAIR = PASSES[-1]._replace(kept=1, least=0.0)  # of leaves that fresh trials refute
+REPAIR = PASSES[-1]._replace(kept=1, least=0.0)  # pass that repairs refuted leaves
 EFFORTS = (
     Effort(0.5, 16, 192, 400),
     Effort(0.1, 12, 192, 400),

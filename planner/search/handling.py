@@ -44,7 +44,7 @@ class Opening(NamedTuple):
 
     opening_mm: float
     clearance_mm: float  # least distance between the open fingers and the belief
-    contact_mm: float  # greatest width at which closing jaws may meet it
+    contact_mm: float  # greatest width at which closing jaws may meet a part of the belief
 
 
 class Handling:
@@ -58,10 +58,10 @@ class Handling:
         self._alike = job.gripper.upper_finger_share == 0.5
 
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
-        """Chooses the opening of the jaws: `SPARE_MM` wider than at the first contact, but at most full.
+        """Chooses the opening of the jaws: `SPARE_MM` wider than at the first contact, if they open so far.
 
-        It is full where the fingers do not move alike, where the parts were `pushed` before, and where the
-        belief has few particles: poses are less certain there.
+        The jaws open fully where the fingers do not move alike, where the parts were `pushed` before, and
+        where the belief has few particles: poses are less certain there.
         """
         contact_mm, opening_mm = self.contact_mm(belief, placement), self._jaws.opening_mm
         if self._alike and not pushed and len(belief) >= LEAST_PARTICLES:
@@ -88,19 +88,19 @@ class Handling:
         return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
-        """The particles clear of both open fingers; on the others a finger would come down."""
+        """Returns the particles that both open fingers clear; a finger would come down on the others."""
         verdict, poses = np.empty(len(belief), np.int64), to_hand(belief.poses, placement)
         for k, rows in by_hypothesis(belief.traits):
             verdict[rows] = classify_contact(self._outlines[k], self._jaws, poses[rows])
         return belief[verdict != STANDS_ON]
 
     def release(self, outcomes: Outcomes) -> Array | None:
-        """Place of release: the area's middle, if a held part may lie where the hand cannot follow it.
+        """Chooses where the jaws open: at the area's middle if a held part may lie where the hand cannot go.
 
         The paper's cell does the same near the edge of its table (VII.A).
 
         Args:
-            outcomes: of the squeeze.
+            outcomes: the branches of the squeeze.
 
         Returns:
             (2,) hand centre in the world; None: the hand stays.

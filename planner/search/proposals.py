@@ -37,7 +37,8 @@ class Proposals:
 
     Attributes:
         relative: (m, 3) the hand in the part's frame [mm, mm, rad].
-        scattered: (n, 3) more of them, spread evenly about the part, as is every prefix.
+        scattered: (n, 3) further poses of the hand, spread evenly about the part; each prefix is spread
+            evenly, too.
     """
 
     relative: Array
@@ -57,7 +58,7 @@ def _of_part(job: Job) -> Proposals:
         shifts = [0.0]
         for share in COVERED:
             shifts.append(low + share * (high - low) - half)
-            if job.part.symmetry % 2:  # by half a turn the other end is the same
+            if job.part.symmetry % 2:  # if the symmetry has half a turn, both ends are alike
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
     return Proposals(np.array(rows), hands_about(reach(outline), half, SCATTERED))
@@ -67,9 +68,9 @@ def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
     """Grasp poses scattered about a part, in every direction and as far aside as the fingers still touch it.
 
     Args:
-        reach_mm: of the part about its origin.
+        reach_mm: largest distance of the outline from the part's origin.
         half_mm: half the length of the fingers.
-        n: their number; a smaller n gives a prefix of a larger one.
+        n: number of grasp poses; those for a smaller n are the first of those for a larger n.
 
     Returns:
         (n, 3) the hand in the part's frame [mm, mm, rad].
@@ -83,11 +84,11 @@ def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
 
 
 def varied(placements: Array, n: int, spread: tuple[float, float], rng: Generator) -> Array:
-    """Variants (k n, 3) of placements (k, 3), normally distributed about each.
+    """Returns n variants of each of the placements (k, 3), normally distributed about it: (k n, 3).
 
     Args:
         placements: good ones, the hand in the world [mm, mm, rad].
-        n: variants of each.
+        n: number of variants of each placement.
         spread: standard deviations of x and y [mm], and of the angle [rad].
         rng: source of randomness.
     """
@@ -113,7 +114,8 @@ def stable_angles(outline: Array) -> Array:
     """Hand angles in the part's frame at which a frictionless squeeze comes to rest [rad].
 
     The width of the outline between parallel jaws is least there (Goldberg 1993); the narrowest come first.
-    The direction across the one of least angle comes last, unless there are enough or it is near another.
+    The direction perpendicular to the smallest of these angles comes last. Angles near an earlier one are
+    left out.
 
     Args:
         outline: (N, 2) vertices [mm].

@@ -33,10 +33,10 @@ FARTHER = (0.0, 0.7)
 MOST = 2  # most pushes before one squeeze
 JUDGED = 200  # particles for a first ranking of pushes
 KEPT = 3  # best single pushes, and pairs of them, that are continued
-FINALISTS = 2  # of these, those that are judged as thoroughly as a squeeze without pushes
+FINALISTS = 2  # sequences that are judged as thoroughly as a squeeze without pushes
 LEAST_SHARE = 0.02  # probability of a node from which pushes are tried
 ROUND_MM = 0.01  # margin to the area's edge, since tables hold whole micrometres
-SPREAD = 1e3  # cost in place of J where no grasp pose clears a belief, per millimetre of its spread
+SPREAD = 1e3  # cost of a belief that no grasp pose clears, per millimetre of the belief's spread
 
 Pushes: TypeAlias = tuple[Push, ...]
 
@@ -104,7 +104,7 @@ class Pusher:
     def pushed(self, belief: Belief, pushes: Pushes, rng: Generator) -> Belief:
         """The belief after pushes, which are simulated twice for each particle.
 
-        The copies show how much the pushed parts scatter, since open fingers have to clear all of that.
+        Two copies show how much pushed parts scatter; open fingers have to clear all copies.
         """
         belief = Belief.joined([belief, belief])
         for push in pushes:
@@ -126,7 +126,7 @@ class Pusher:
         return costs
 
     def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: Generator) -> Pushed | None:
-        """Pushes moved back to start clear of a whole belief, with their result; None if outside the area."""
+        """Moves pushes back to start clear of a belief, and simulates them; None if one leaves the area."""
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))
@@ -152,7 +152,7 @@ class Pusher:
     def _angles(self, belief: Belief) -> list[float]:
         """Directions of pushes: both ways along and across the spread of a belief.
 
-        Only one direction for an untouched belief if a turn of the whole plan changes nothing.
+        An untouched belief gets only one direction if a turn of the whole plan changes nothing.
         """
         if self._turnable and not belief.touched:
             return [0.0]

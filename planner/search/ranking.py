@@ -37,7 +37,7 @@ class Options(NamedTuple):
     """Grasp poses of one belief, the best first.
 
     Attributes:
-        placements: (k, 3) of the hand in the world.
+        placements: (k, 3) poses of the hand in the world.
         squeezes: (k,) expected until the end: one at the grasp pose, and the leaf heuristic after it.
     """
 

@@ -48,10 +48,10 @@ LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next s
 RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is without effect
 SELECTION_BIAS = 0.5  # selection bias of a branch's mode, in standard deviations of its ratio
-MOST_NODES = 1000  # expanded in a pass: under a goal that is too fine, leaves stay open without end
+MOST_NODES = 1000  # most nodes that a pass expands: under a goal that is too fine, leaves stay open
 AT_ONCE = 4  # leaves expanded at once; not the number of cores, which must not change plans
 MOST_STALLED = 3  # allowed squeezes in a row without gain: separating two poses may take three
-LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
+LEAST_OVERLAP = 0.2  # overlap of two histograms of readings from which two nodes are counterparts
 MOST_COARSER = 6  # doublings of the price of a branch, to stay below a table's limit
 LEAST_STRAYS = 5  # readings far from all branches that form a new one
 GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
@@ -104,7 +104,7 @@ class Search:
         """The main loop: expands leaves of the best partial plan until none is open, `MOST_NODES` at most.
 
         Args:
-            root: of the tree, modified in place; the tree is a complete plan after each step.
+            root: root of the tree, which is modified in place and is a complete plan after each step.
             over: called before each step; returns whether to end.
             progress: called with the share of the parts that is not located yet.
 
@@ -126,7 +126,7 @@ class Search:
         return True
 
     def close(self, node: Node) -> bool:
-        """Removes the unfinished actions of each node that has a finished one, after a pass was cut short.
+        """After a pass was cut short, removes the unfinished actions of each node that has a finished action.
 
         Returns:
             Whether the node is finished: no leaf below it is one that the pass would have expanded.
@@ -186,7 +186,7 @@ class Search:
             node = node.parent
 
     def _update(self, node: Node) -> None:
-        """Updates the value of a node from those below it."""
+        """Updates the values of a node's actions and of the node from the values of the nodes below."""
         for action in node.actions or ():
             share = np.array([child.share for child in action.children])
             left = float(share @ [child.value for child in action.children]) / float(share.sum())
@@ -199,13 +199,13 @@ class Search:
     def absorb(self, root: Node, ended: dict[int, Belief], strays: dict[int, Belief]) -> float:
         """Adds fresh trials to the beliefs of the leaves where they ended.
 
-        Alternative actions remain at nodes above leaves that fail for good; elsewhere only the tried plan
-        remains.
+        Alternative actions remain at nodes above leaves that fail and cannot be expanded; elsewhere only the
+        tried plan remains.
 
         Args:
             root: the plan that was tried, modified in place.
-            ended: by leaf number, the parts that reached it.
-            strays: by number of the inner node, the parts whose readings fitted no branch.
+            ended: the parts that reached each leaf, by the leaf's number.
+            strays: the parts whose readings fitted no branch of an inner node, by the node's number.
 
         Returns:
             The probability of the reopened leaves.
@@ -236,7 +236,7 @@ class Search:
         return again
 
     def _reach(self, node: Node, strays: Belief) -> None:
-        """Extends the branches of a node to the readings of parts that fitted none.
+        """Extends the branches of a node to the stray readings, which fitted no branch.
 
         Several readings that are far from all branches become new branches.
         """
@@ -303,7 +303,8 @@ class Search:
         """Turns a leaf into an inner node with these actions, and backs its value up."""
         node.actions = actions
         self.back_up(node)
-        # Of squeezes that gain nothing one is followed: all of them would make the tree exponential.
+        # Only one of the squeezes that gain nothing is followed: with all of them the tree would grow
+        # exponentially.
         stalled = [action for action in actions if action.children[0].stalled]
         node.actions = [action for action in actions if action not in stalled[1:]]
         if node.best is None:
@@ -368,7 +369,7 @@ class Search:
         """Grasp poses (k, 3) for a belief, the best first, without near duplicates.
 
         Args:
-            belief: to squeeze.
+            belief: the belief to squeeze.
             hand: the hand before the squeeze.
             effort: how many grasp poses are tried.
             near: (m, 3) good grasp poses, whose variants are tried, too.
@@ -495,7 +496,7 @@ class Search:
 
 
 def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
-    """The node whose histogram of readings, in bins of `steps`, overlaps most with a belief's.
+    """The node whose histogram of readings, in bins of `steps`, overlaps most with that of `belief`.
 
     None where the overlap is small.
     """
@@ -520,7 +521,7 @@ def _partition(action: Action, children: list[Node]) -> None:
 
 
 def _placements(squeezes: Iterable[Squeeze | _Candidate]) -> Array:
-    """The grasp poses (k, 3) of squeezes."""
+    """Returns the grasp poses (k, 3) of squeezes."""
     return np.array([each.placement for each in squeezes]).reshape(-1, 3)
 
 

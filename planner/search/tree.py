@@ -33,9 +33,9 @@ class Squeeze:
         opening_mm: opening of the jaws on the way down.
         clearance_mm: least distance between the open fingers there and the believed part.
         clusters: the partition of the readings.
-        release: (2,) hand centre in the world where the jaws open after a drag; None: where it squeezed.
-        pushes: made before the squeeze.
-        cost: of pushes and squeeze, in typical squeezes.
+        release: (2,) hand centre in the world where the jaws open after a drag; None: the hand does not drag.
+        pushes: pushes before the squeeze.
+        cost: cost of the pushes and the squeeze, in typical squeezes.
         crashes: share of the parts that an open finger would come down on.
     """
 
@@ -53,7 +53,7 @@ class Origin(NamedTuple):
     """What an action's partition of the readings was computed from."""
 
     before: Belief  # particles when the jaws begin to close
-    after: Squeezed  # their outcome
+    after: Squeezed  # outcome of the squeeze for these particles
     rule: Rule  # prices that the partition minimises
 
 
@@ -63,7 +63,7 @@ class Action:
 
     Attributes:
         squeeze: what the hand does.
-        children: in the order of the partition.
+        children: the children in the order of the partition.
         value: expected cost from the node on.
         origin: input of the partition; None in plans of the paper's method.
     """
@@ -82,7 +82,7 @@ class Node:
         belief: where the part may lie.
         share: probability of reaching the node.
         mode: the pose that explains most of the belief.
-        depth: squeezes made so far.
+        depth: number of squeezes before this node.
         stalled: consecutive squeezes before this node that gained nothing.
         actions: the best first; None if not expanded yet, empty if no action gains anything.
         value: expected cost from here on.

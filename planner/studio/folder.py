@@ -36,10 +36,10 @@ class Folder:
         return sorted(result)
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """A file's content.
+        """Returns the content of a file.
 
         Raises:
-            UsageError: the name is not allowed, or is that of a symbolic link.
+            UsageError: the name is not allowed, or names a symbolic link.
             OSError: the file is missing or cannot be read.
         """
         path = self.path / checked(name)
@@ -51,7 +51,7 @@ class Folder:
         """Stores a drawing; returns its name, with a number if another drawing has the name already.
 
         Raises:
-            UsageError: the name cannot be that of a drawing.
+            UsageError: a drawing cannot have this name.
             OSError: the drawing cannot be written.
         """
         suffix = Path(checked(name)).suffix

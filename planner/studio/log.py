@@ -17,11 +17,11 @@ class Log(NamedTuple):
     commands: list[str]
     step: str  # the current command, or the last one
     progress: dict[str, Any]  # last reported stage
-    answer: dict[str, Any] | None  # that of `squeezetree try`, as texts
-    parts: list[dict[str, Any]]  # simulated, as texts; `path` and `squeezes` are for `film`
-    tried: list[dict[str, Any]]  # other discs and goals, as texts
+    answer: dict[str, Any] | None  # answer of `squeezetree try`, as texts
+    parts: list[dict[str, Any]]  # simulated parts, as texts; `path` and `squeezes` are for `film`
+    tried: list[dict[str, Any]]  # trials of other discs and goals, as texts
     lines: list[str]  # latest messages; if a command failed, they say why
-    exit: int | None  # of the last command; None while it runs, or where it was killed
+    exit: int | None  # exit code of the last command; None while it runs, or where it was killed
 
 
 def log_of(data: bytes) -> Log:

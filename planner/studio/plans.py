@@ -23,7 +23,7 @@ LOG = written_for("")["log"]  # suffix
 OPTIONS = (
     *("units", "scale", "contour", "gripper", "fingers", "radius", "turn", "distance"),
     *("thickness", "budget"),
-)  # of `squeezetree try`, in the order of a command line
+)  # options of `squeezetree try`, in the order of a command line
 
 
 class Plan(NamedTuple):

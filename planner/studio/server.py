@@ -43,13 +43,13 @@ class Studio(ThreadingTCPServer):
         self.answers.reader.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores a broken connection, such as that of a closed tab; prints other errors on the terminal."""
+        """Ignores broken connections, as a closed tab leaves them; prints other errors on the terminal."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
 
 class Handler(BaseHTTPRequestHandler):
-    """Answers one request."""
+    """Answers one HTTP request."""
 
     server: Studio
     timeout = PATIENCE_S
@@ -125,5 +125,5 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def _first(query: str) -> dict[str, str]:
-    """The fields of a query; of duplicates the first."""
+    """The fields of a query; of fields with one name, the first."""
     return {key: values[0] for key, values in parse_qs(query).items()}

@@ -14,7 +14,7 @@ class Trial(NamedTuple):
     """A key of the job, and its values to try in turn, until the plan for one locates too few parts."""
 
     key: str
-    values: list[float]  # ever harder ones
+    values: list[float]  # values, each harder to plan for than the one before
     confidence: float  # share of the parts that the job requires to be located
 
     def command(self, value: float, job: str, folder: str) -> list[str]:

@@ -36,7 +36,7 @@ class Cluster:
     def __init__(
         self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S
     ) -> None:
-        """Stores the address; raises `UsageError` if it is not one."""
+        """Stores the address; raises `UsageError` if the text is not an address."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
         self.address = address
@@ -124,7 +124,7 @@ class Cluster:
                 return result
 
     def _fail(self, error: Exception) -> NoReturn:
-        """Raises the error of an item: one about the cluster if that is the cause, else the function's."""
+        """Raises the error of an item; it is an `UnreachableError` if the cluster is the cause."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):

@@ -21,7 +21,7 @@ class Limit:
 
     @property
     def spent_s(self) -> float:
-        """Seconds since the start."""
+        """Seconds since the budget was started."""
         return self._clock() - self._start
 
     @property

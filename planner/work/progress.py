@@ -18,4 +18,4 @@ class Report(Protocol):
 
 
 def silent(_stage: str, _done: int, _total: int, _detail: str = "", /) -> None:
-    """No-op progress callback."""
+    """Progress callback that does nothing."""

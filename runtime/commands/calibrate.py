@@ -78,7 +78,7 @@ def parser() -> Parser:
 
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Runs the subcommand `width` or `middle`; returns 0, and raises as `run` and `calibrate_middle.run`."""
+    """Runs the subcommand `width` or `middle`; returns 0. Its errors are those of `run` of either module."""
     ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     body = calibrate_middle.run if arguments.what == calibrate_middle.NAME else run
     return body(arguments, drivers, ask)
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     """Measures the gripper as the arguments ask, and writes the result to a file; returns 0.
 
     Args:
-        arguments: parsed.
+        arguments: the parsed command line.
         drivers: opens a gripper, moving nothing.
         ask: prompts the operator and waits.
 
@@ -123,7 +123,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
 def report(measured: Measured) -> Iterator[str]:
     """Yields the lines of a table for people: each block's readings, their spread, and two deviations.
 
-    The first is that of a calibration without this block, the second that of the nominal widths.
+    The first is the deviation of a calibration without this block, the second of the nominal widths.
     """
     yield f"gripper {measured['gripper']}"
     yield "block mm  read mm               spread  without this block  nominal"
@@ -182,7 +182,7 @@ def _blocks(model: str) -> str:
 
 
 def _pair(option: str, text: str | None) -> tuple[float, float] | None:
-    """The two numbers of an option; None where it was not given."""
+    """Parses the two numbers of an option; returns None if the option was not given."""
     if text is None:
         return None
     first, *others = _numbers(option, text)

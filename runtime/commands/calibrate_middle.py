@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     """Measures where the fingers meet, and writes the calibration with the result to a file; returns 0.
 
     Args:
-        arguments: parsed.
+        arguments: the parsed command line.
         drivers: opens the devices, moving nothing.
         ask: prompts the operator and waits.
 

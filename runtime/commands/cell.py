@@ -40,7 +40,7 @@ def connect(
     """Connects to the devices of a run, to simulated ones as to hardware; nothing moves.
 
     Args:
-        arguments: of `grasp-runtime`.
+        arguments: the parsed command line of `grasp-runtime`.
         recipe: its table states the gripper's model, and the part of a simulated cell; its console receives
             the name of the world of a simulated cell.
         drivers: opens the devices.

@@ -19,7 +19,7 @@ from runtime.devices.clock import SystemClock
 from runtime.shell.plain_text import capital
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
-ROOT = Path("/")  # of the system's files; tests use a folder of their own
+ROOT = Path("/")  # folder of the system's files; tests use a folder of their own
 READS = 200
 READING_S = 10.0  # time after which slow readings end early
 LEAST_READS = 3  # least number of readings, where they are slow
@@ -29,7 +29,7 @@ PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-
 
 
 class Verdict(Enum):
-    """Result of a check."""
+    """Grade of a check's result."""
 
     GOOD = "good"
     WARNING = "warning"

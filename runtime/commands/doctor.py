@@ -98,7 +98,7 @@ def findings(
     known: calibration.GripperCalibration | None,
     drivers: Drivers,
 ) -> Iterator[Finding]:
-    """Yields the findings of all checks; a check comes after those that it depends on."""
+    """Yields the findings of all checks; a check comes after the checks on which it depends."""
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
@@ -115,14 +115,14 @@ def findings(
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
-    """The profile of the table's gripper, else of the named model; None: the driver takes its usual one."""
+    """The profile of the table's gripper, else of the named model; None: the driver's default."""
     if table is not None:
         return table.gripper.profile
     return None if arguments.gripper is None else profile_of(arguments.gripper)
 
 
 def _serial_port(port: str) -> str:
-    """The path of the serial port in a gripper's address; empty where it has none."""
+    """The path of the serial port in a gripper's address; empty if there is none in the address."""
     if port.startswith(("can:", MANUAL)):
         return ""
     _, is_url, rest = port.partition("?")[0].rpartition("://")

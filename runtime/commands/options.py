@@ -21,7 +21,7 @@ PATIENCE = 200.0  # a person may take so much longer than an arm: about half an 
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
-    """Checks arguments beyond what argparse can.
+    """Checks what argparse cannot check in the arguments.
 
     Raises:
         UsageError: arguments contradict one another, or one is missing.
@@ -116,7 +116,7 @@ def run_options(
     """Builds the options of a run.
 
     Args:
-        arguments: of the command line.
+        arguments: the parsed command line.
         table: the table that the run executes.
         measured: calibration of the gripper; None takes its nominal widths.
 
@@ -172,7 +172,7 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 def arc_of(
     arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> TipArc | None:
-    """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
+    """The arc of the finger tips: as `--tips` states, else as measured, else the arc of the gripper's model.
 
     None for tips that move straight, where a person is the gripper or the arm, and in a simulated cell unless
     `--tips` states an arc.

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from runtime.plc.opcua import Security
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
-WAKE_S = 2.0  # between two notifications of the service manager
-ENDING_S = 5.0  # for a PLC to end the handshake of the last part
-FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
-GLANCE_S = 1.0  # for a PLC to read the last state
+WAKE_S = 2.0  # time between two notifications of the service manager
+ENDING_S = 5.0  # time for a PLC to end the handshake of the last part
+FAREWELL_S = 3.0  # this time where a stop request or an error ends the run
+GLANCE_S = 1.0  # time for a PLC to read the last state
 EXCLUDED = {
     "serve": "answers a robot that moves itself",
     "check": "moves nothing",

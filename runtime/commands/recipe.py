@@ -39,7 +39,7 @@ def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
     """Loads a table, validates it and checks that it fits the cell of the arguments.
 
     Raises:
-        ExpectedError: it is missing or damaged, or does not fit; each class has its `exit_code`.
+        ExpectedError: the table is missing or damaged, or does not fit; each class has its `exit_code`.
     """
     loaded, path = load(tree), arguments.calibration
     table, measured = loaded.table, None if path is None else calibration.load(path)

@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs a table by the parsed arguments; returns the exit code of the parts.
 
     Args:
-        arguments: parsed by `arguments.parser`.
+        arguments: the command line, parsed by `arguments.parser`.
         drivers: opens the devices.
 
     Raises:
@@ -200,7 +200,7 @@ class _Asked:
     def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
         """Opens an existing journal; returns it, and its last run if that broke off and is to be continued.
 
-        Each is None if it does not exist.
+        The first is None without a journal, the second without such a run.
 
         Raises:
             JournalError: the journal cannot be opened, or does not verify.

@@ -21,7 +21,7 @@ from runtime.shell import interrupts
 from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome
 
-PATIENCE_S = 5.0  # for the rest of a line, the reading of an answer, or a disconnect
+PATIENCE_S = 5.0  # time for the rest of a line, the reading of an answer, or a disconnect
 MOST_LEAVING = 8  # connections whose last message may still be unread
 # A robot that lost power is detected after 5 + 3 x 3 s without an answer; then the next one may
 # connect.
@@ -50,11 +50,11 @@ class RobotServer:
         self._listener, self._parts, self._clock = listener, parts, clock
         self._robot: socket.socket | None = None
         self._read = b""  # received part of a line
-        self._line_s = 0.0  # deadline for the rest of it
+        self._line_s = 0.0  # deadline for the rest of the line
         self._leaving: dict[socket.socket, float] = {}  # deadlines for the others to disconnect
 
     def serve(self) -> None:
-        """Serves; a client still connected at the end gets a message, and a part under way ends with the run.
+        """Serves clients until no part follows; then a client gets a message, and its part ends with the run.
 
         Raises:
             KeyboardInterrupt: a stop request between two parts.
@@ -149,7 +149,7 @@ class RobotServer:
         """Disconnects the robot and aborts its current part.
 
         Args:
-            number: error to send before that; None: no error.
+            number: number of the error to send before disconnecting; None: no error.
         """
         if self._robot is None:
             return

@@ -47,7 +47,7 @@ class AuditProcess(ChildProcess):
         self._command = command
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = ANSWER_S  # time limit for judging one part
-        self._owed = 0  # questions without an answer so far, including those that were given up
+        self._owed = 0  # number of questions without an answer so far, given up or not
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:

@@ -15,7 +15,7 @@ MODULE = "drivers.sim.cli"
 
 
 class Endpoints(NamedTuple):
-    """Addresses of the cell's devices, as for `drivers.connect`."""
+    """Addresses of the cell's devices, in the form that `drivers.connect` takes."""
 
     gripper: str
     arm: str

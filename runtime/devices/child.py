@@ -65,7 +65,8 @@ class ChildProcess:
         """Sends a line, to which it adds the line end.
 
         Raises:
-            TimeoutError: the child had not taken all of it by `until`; the next call sends the rest first.
+            TimeoutError: the child had not taken the whole line by `until`; the next call sends the rest
+                first.
         """
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:

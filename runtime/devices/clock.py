@@ -36,7 +36,7 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """Time, as of `now`, by which a motion of `seconds` of the cell is over.
+        """Time on the clock of `now` by which a motion of `seconds` of the cell is over.
 
         It includes `LINK_MARGIN_S` for the device's link, in seconds of the machine.
         """
@@ -82,8 +82,8 @@ def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | No
     by at least the time since the boot.
 
     Args:
-        record: with `time`, `boot` and `up_s`, as a journal holds them.
-        now: the same of this moment.
+        record: a record with `time`, `boot` and `up_s`, as a journal holds them.
+        now: the same fields for this moment.
     """
     since_s, up_s = record.get("up_s"), now.get("up_s")
     if not (isinstance(since_s, int | float) and isinstance(up_s, int | float)):

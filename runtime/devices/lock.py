@@ -41,7 +41,7 @@ class PortLock(ExitStack):
     Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
 
     Raises:
-        UnreachableError: another process holds it; the message says which.
+        UnreachableError: another process holds the lock; the message names the process.
     """
 
     def __init__(self, port: str) -> None:

@@ -34,8 +34,8 @@ class Rehearsal:
     """Simulates squeezes: draws a branch of the node by its probability, and a width inside it.
 
     The part never moves. A squeeze at the place of the previous one (a re-squeeze, or a later stroke of a
-    regulated squeeze) ends at the same width. A squeeze at a place of no child of the previous node starts a
-    new part at the root.
+    regulated squeeze) ends at the same width. A squeeze at a place that belongs to no child of the previous
+    node starts a new part at the root.
     """
 
     def __init__(self, table: Table, seed: int) -> None:

@@ -26,7 +26,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
 MAX_LINE = 80  # including the line end: limit of a string in RAPID (RAPID reference)
-MAX_NAME = 20  # of a part's name, so that a line with it stays below `MAX_LINE`
+MAX_NAME = 20  # characters of a part's name, so that a line with it stays below `MAX_LINE`
 SLOWEST_UM_S = 20_000  # speed of a stroke assumed for an unknown gripper
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": ObjectState.CLOSING, "NONE": ObjectState.AT_TARGET}
@@ -70,7 +70,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """A line is refused; `number` is that of the error in `ERRORS`."""
+    """A line is refused; `number` is the number of the error in `ERRORS`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))

@@ -46,8 +46,8 @@ class Gauge(NamedTuple):
 class GripperCalibration:
     """The calibration of one gripper."""
 
-    gripper: str  # its name or serial number, as the operator gave it
-    date: str  # of the calibration, ISO 8601
+    gripper: str  # name or serial number of the gripper, as the operator gave it
+    date: str  # date of the calibration, ISO 8601
     gauges: tuple[Gauge, ...]  # the blocks, in order of ascending width
     points_um: tuple[tuple[int, int], ...]  # nominal and true widths
     # link and offset of the tips' arc, mm, if measured
@@ -171,7 +171,7 @@ def load(path: Path) -> CalibrationFile:
     """Reads a calibration from a file, once, and checks it.
 
     Raises:
-        InputError: it cannot be read, was changed by hand, or is not monotone.
+        InputError: the file cannot be read, was changed by hand, or is not monotone.
     """
 
     def refused(problem: str) -> InputError:
@@ -213,8 +213,8 @@ def _parsed(record: object) -> GripperCalibration:
 def curve(gauges: Sequence[Gauge]) -> Callable[[float], float]:
     """The width, mm, as a function of the reading, um: a monotone cubic spline through the gauged points.
 
-    Beyond the outermost points the function continues straight. Its slope is continuous, like that of the
-    fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    Beyond the outermost points the function continues straight. Its slope is continuous, like the slope of
+    the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
     points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
     x = [reading_um for reading_um, _ in points]

@@ -192,7 +192,7 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """Copies of a place, one for each equal angle (up to whole turns) in the wrist's range there."""
+    """Copies of a place at all angles in the wrist's range that equal its angle up to whole turns."""
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
     return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]

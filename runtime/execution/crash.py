@@ -103,7 +103,7 @@ def begin(
 
 
 def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
-    """The run at the end of a journal, if it broke off; None where it ended.
+    """Returns the last run of a journal if it broke off; None if it ended.
 
     Args:
         path: path of the journal, for messages.

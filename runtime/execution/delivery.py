@@ -45,7 +45,7 @@ class Delivery:
         }
 
     def of(self, hypothesis: int) -> Self:  # noqa: ARG002
-        """This delivery, whatever the hypothesis: there is only one part."""
+        """Returns this delivery for any hypothesis, since there is only one part."""
         return self
 
     def each(self) -> list[tuple[str, Self]]:
@@ -69,7 +69,7 @@ class Sorting:
         return self.named.get(self.numbers[hypothesis])
 
     def each(self) -> list[tuple[str, Delivery]]:
-        """Each delivery with the part's name."""
+        """Returns pairs of a part's name and its delivery."""
         return list(self.named.items())
 
 
@@ -146,10 +146,10 @@ def from_file(path: Path, picks: Mapping[str, Pose2]) -> Delivery:
 
 
 def from_job(job: Mapping[str, object] | None) -> Delivery | None:
-    """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
+    """The delivery of a table's embedded job (`runtime.table.job_of`), None if the job has none.
 
     Raises:
-        InputError: a key of it is wrong.
+        InputError: a key of the delivery is wrong.
     """
     keys = (job or {}).get("delivery")
     if keys is None:

@@ -42,7 +42,7 @@ class Tally:
     """Running totals over a run's parts: outcomes, squeezes, times, crashes; no single results."""
 
     takt_s: float | None = None  # the time within which parts should be done
-    # whether the clock's seconds are those of the cell; False for a clock faster than real time
+    # whether the clock counts seconds of the cell; False for a clock faster than real time
     timed: bool = True
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)

@@ -58,7 +58,7 @@ class RunOptions:
     takt_s: float | None = None  # time within which parts should be done; only reported
     # whether a part's plan may be turned to the angle of the hand; False where a person takes part
     turns: bool = True
-    # whether the clock's seconds are those of the cell; False for a clock faster than real time
+    # whether the clock counts seconds of the cell; False for a clock faster than real time
     timed: bool = True
 
 
@@ -81,7 +81,7 @@ class Executor:
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
-        self._phases: list[Phases] = []  # of the part's squeezes so far
+        self._phases: list[Phases] = []  # phases of the part's squeezes so far
         self._steps: tuple[Step, ...] = ()  # squeezes of the current part whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))

@@ -1,9 +1,9 @@
 """Measures where the fingers meet: grips a fixed block with the hand at two angles half a turn apart.
 
 The block cannot move, so that the first finger to touch it stops both. Along the hand's y let h be the place
-of the hand, b that of the block, and m the distance from the hand's middle at which the fingers meet on the
-block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a width
-w = W + v, then
+of the hand, b the place of the block, and m the distance from the hand's middle at which the fingers meet on
+the block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a
+width w = W + v, then
 
     h = b - m - s v          where the upper finger touches first,
     h = b - m + (1 - s) v    where the lower finger does.
@@ -39,7 +39,7 @@ class Grip(NamedTuple):
     """One grip of the block."""
 
     hand_mm: float  # place of the hand along its y, relative to the stated place of the block
-    width_mm: float  # at which the jaws stopped
+    width_mm: float  # width at which the jaws stopped
 
 
 def gripping(table: Table, block_mm: float) -> Node:

@@ -33,7 +33,7 @@ LEVEL_MM = 0.05
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5  # largest turn in one motion of the arm
 SAVED_RAD = 0.2  # least effort, see `Hand.turn_to`, that half a turn of the hand must save
-LOOK_S = 0.05  # between two readings of a gripper that should come to rest
+LOOK_S = 0.05  # time between two readings of a gripper that should come to rest
 
 
 class Hand:
@@ -62,7 +62,7 @@ class Hand:
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
         self._half_turn = pi if close_alike(table) else tau
-        self._off_rad = 0.0  # angle of the hand beyond that of the plan: 0 or half a turn
+        self._off_rad = 0.0  # angle of the hand beyond the plan's angle: 0 or half a turn
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None: unknown
@@ -227,7 +227,7 @@ class Hand:
 
     @contextmanager
     def limited(self, limits: Limits) -> Iterator[None]:
-        """Context in which the hand obeys other limits, such as those of a delivery."""
+        """Context in which the hand obeys other limits, such as the limits of a delivery."""
         before, self.limits = self.limits, limits
         try:
             yield
@@ -242,7 +242,7 @@ class Hand:
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
         """Opens the jaws until they are clear of the part, then starts to open them for the next squeeze.
 
-        They are not opened further if the next squeeze needs a smaller opening. The tips stay level until
+        The jaws are not opened further if the next squeeze needs a smaller opening. The tips stay level until
         they are clear of the part's sides. The jaws may still move on return; `Jaws.open` waits for them.
 
         Args:
@@ -269,9 +269,9 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Closes the jaws at a node, and raises the force on what they met to that of the node.
+        """Closes the jaws at a node, and raises the force on what they met to the node's force.
 
-        Returns and raises as `meet`.
+        See `meet` for the result and the errors.
         """
         return self.tighten(node, self.meet(node))
 
@@ -297,7 +297,7 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading.
+        """Raises a regulated squeeze's force, step by step, to the node's force; returns the last reading.
 
         If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
         """
@@ -341,7 +341,7 @@ class Hand:
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Moves straight to a place, in several motions if the hand turns by more than `MOST_TURN_RAD`.
 
-        The speed is that of the arm's limits, unless another is given.
+        The speed is the limits' travel speed, unless another is given.
         """
         safety.check_target(_beside(target, self.middle_mm), self.limits)
         start = self._place()

@@ -12,7 +12,7 @@ from runtime.table import CLEAR_MM, Calibration, Limits, Table, Timing
 class Handling:
     """Properties of the hand that differ from cell to cell and not from table to table."""
 
-    # nominal to true widths as measured, None where they were not
+    # measured map from nominal to true widths, None where there is none
     calibration: Calibration | None = None
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact

@@ -24,8 +24,8 @@ class Jaws:
 
     Args:
         gripper: the gripper.
-        clock: of the cell.
-        calibration: nominal to true widths.
+        clock: the clock of the cell.
+        calibration: the map from nominal to true widths.
         timing: states the speed of jaws that touch nothing.
     """
 
@@ -34,7 +34,7 @@ class Jaws:
     ) -> None:
         self.gripper, self.calibration, self.profile = gripper, calibration, calibration.profile
         self.may_hold = True
-        self.open_mm = 0.0  # width at which they last stood open
+        self.open_mm = 0.0  # width at which the jaws last stood open
         # target of moving jaws; None: they do not move
         self.asked: int | None = None
         self._clock, self._timing = clock, timing
@@ -45,7 +45,7 @@ class Jaws:
         return self.may_hold and self.asked is None
 
     def ready(self) -> GripperState:
-        """Reads the gripper and checks that it may be moved; raises as `safety.ready_gripper`."""
+        """Reads the gripper and checks that it may be moved; raises the errors of `safety.ready_gripper`."""
         return safety.ready_gripper(self.gripper, self.asked)
 
     def open(self, squeeze: Squeeze) -> None:
@@ -162,7 +162,7 @@ class Jaws:
         return safety.stroke(self.gripper, *stroke[:3], asked)
 
     def width_mm(self, reading_um: int) -> float:
-        """The true width at a reading, mm."""
+        """Returns the true width at a reading, mm."""
         return self.calibration.width_um(reading_um) / 1000
 
 

@@ -45,8 +45,8 @@ class Middle(NamedTuple):
 def off_mm(measured: Middle | None, table: Table) -> float:
     """Distance, mm, from the places of a table to the points where the fingers meet, at the least width.
 
-    That is the least expected width of a held part. An uneven share stated in the job is part of the plan,
-    and adds no distance. 0 without a measurement.
+    The least width is the least expected width of a held part. An uneven share stated in the job is part of
+    the plan, and adds no distance. The result is 0 without a measurement.
     """
     if measured is None:
         return 0.0

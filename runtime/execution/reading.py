@@ -26,7 +26,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
     """Checks that a settled reading belongs to the request.
 
     Raises:
-        GripperStateError: it belongs to another request, or is not settled.
+        GripperStateError: the reading belongs to another request, or is not settled.
     """
     seen_um, asked_um = (max(target, 0) for target in (settled.target_um, requested_um))
     if seen_um != asked_um:
@@ -94,7 +94,7 @@ def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> N
     """Checks that the jaws stand, with nothing between them, about where they were set to push.
 
     Raises:
-        GripperStateError: they do not.
+        GripperStateError: the jaws do not stand so.
     """
     stands_um, asked_um = map(calibration.width_um, (reading_um, requested_um))
     if abs(stands_um - asked_um) > SET_UM:

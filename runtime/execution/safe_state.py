@@ -31,9 +31,9 @@ def reach_safe_state(
     """Brings the cell into the declared safe state as far as its devices respond; raises no error.
 
     Args:
-        gripper: whose fingers are stopped.
-        arm: which is raised.
-        limits: of the table, including the retreat height.
+        gripper: the gripper whose fingers are stopped.
+        arm: the arm, which is raised.
+        limits: limits of the table, including the retreat height.
         arm_known: whether it is known where the arm stands: its last motion was acknowledged.
         may_hold_fixed: whether the fingers may hold something that may be fixed to the table.
 
@@ -48,7 +48,7 @@ def reach_safe_state(
 
 @contextmanager
 def ending_safely(hand: Hand) -> Iterator[None]:
-    """Context that brings the cell into the safe state on every exception, and notes in it how that went.
+    """Context that brings the cell into the safe state on every exception, and notes the results in it.
 
     The fingers may hold something that is fixed to the table: after a calibration perhaps a clamped block.
     """

@@ -16,7 +16,7 @@ def check_table(table: Table) -> None:
     """Checks that the gripper can execute the table, before anything is connected.
 
     Raises:
-        TableError: naming the first node whose speed or force lies outside the gripper's range.
+        TableError: a speed or force lies outside the gripper's range; the message names the first such node.
     """
     gripper = table.gripper
     slowest, fastest = gripper.least_speed_um_s, gripper.most_speed_um_s
@@ -127,7 +127,7 @@ def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:
     """Reads the arm and checks that it stands where it was sent, with the hand at the requested angle.
 
     Returns:
-        Where it stands.
+        The place where the arm stands.
 
     Raises:
         MotionRefusedError: the arm stands elsewhere, so that nothing may be moved next.

@@ -28,11 +28,11 @@ def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate
     Args:
         gripper: the gripper.
         tell: receives a sentence before the fingers sweep.
-        activate: whether they may sweep.
+        activate: whether the fingers may sweep.
 
     Raises:
-        GripperStateError: the gripper is inactive or in fault, and may not be activated or stays so; or it
-            moves.
+        GripperStateError: the gripper moves; or it is inactive or in fault, and activation is not allowed or
+            fails.
     """
     if activate and needs_activation(gripper.state()):
         tell("activating the gripper: the fingers open and close fully")
@@ -84,7 +84,7 @@ def run_parts(
     """Prepares the gripper, and runs parts until they are done or one ends the run.
 
     Args:
-        numbers: of the parts; each is requested once the part before has its outcome.
+        numbers: the numbers of the parts; each is requested once the part before has its outcome.
         table: the table to execute.
         cell: devices and records.
         console: receives the events.

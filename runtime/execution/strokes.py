@@ -23,7 +23,7 @@ class Stroke(NamedTuple):
     request_um: int  # target, `CLOSED_UM` for as far as they go
     speed_mm_s: float
     force_n: float
-    advance_mm: float  # most that the tips advance during the stroke: the arm is raised by it
+    advance_mm: float  # largest advance of the tips during the stroke, by which the arm is raised
 
 
 def closing(
@@ -65,7 +65,7 @@ def of_any_width(node: Node, squeeze: Squeeze, widest_um: int) -> Node:
 def raising(squeeze: Squeeze, handling: Handling, profile: GripperProfile) -> list[float]:
     """The rising forces [N] that a regulated squeeze requests after contact, the squeeze's force last.
 
-    Empty for a squeeze that is not regulated.
+    The list is empty for a squeeze that is not regulated.
     """
     if not _is_regulated(squeeze, handling, profile):
         return []
@@ -75,5 +75,5 @@ def raising(squeeze: Squeeze, handling: Handling, profile: GripperProfile) -> li
 
 
 def _is_regulated(squeeze: Squeeze, handling: Handling, profile: GripperProfile) -> bool:
-    """Whether a squeeze is regulated: this is wanted, and its force exceeds the gripper's least force."""
+    """Whether a squeeze is regulated: `handling` says so, and the force exceeds the gripper's least force."""
     return handling.regulated and squeeze.force_mn > round(1000 * profile.force_n[0])

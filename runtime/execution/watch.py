@@ -27,7 +27,7 @@ class Expected(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """Time of arm and gripper."""
+        """Sum of the times of arm and gripper."""
         return self.arm_s + self.gripper_s
 
 
@@ -35,7 +35,7 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
     """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
 
     The arm moves across the work area, turns once, and makes three vertical moves; the jaws make three full
-    strokes. Each push adds the same again, and the time of its path.
+    strokes. Each push adds the same time once more, and the time of its path.
 
     Args:
         table: states the work area, the gripper and the arm's timing.
@@ -80,11 +80,11 @@ class Watch:
     def squeeze(self, expected: Expected, patience: float = 1.0) -> Iterator[None]:
         """Context of a squeeze, which may last `patience` x `DEADLINE_FACTOR` times its expected duration.
 
-        To that the clock adds `LINK_MARGIN_S`.
+        The clock adds `LINK_MARGIN_S` to this time.
 
         Raises:
-            MotionRefusedError: it lasts longer because of the arm.
-            GripperStateError: it lasts longer because of anything else.
+            MotionRefusedError: the squeeze lasts longer because of the arm.
+            GripperStateError: the squeeze lasts longer because of anything else.
         """
         self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
         self._began = self._since = self._clock.now()

@@ -79,7 +79,7 @@ class Journal:
         # The last run's header and the records of its last part, when the journal was opened.
         self.last_part: list[Entry] = []
         self.stamp, self.uptime, self._segment_bytes = stamp, uptime, segment_bytes
-        self._place = path  # of the file being written
+        self._place = path  # path of the file being written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
         self._full_bytes = segment_bytes  # length above which the file is sealed
         self._failed = False
@@ -131,7 +131,7 @@ class Journal:
         """Writes the first record: the table's bytes and their digest, and the other fields of the run.
 
         Raises:
-            JournalError: it cannot be written.
+            JournalError: the record cannot be written.
         """
         embedded = {
             "journal_version": VERSION,
@@ -276,7 +276,7 @@ class Incidents:
             self._kept.append((kind, fields))
 
     def hand_over(self, journal: Journal) -> None:
-        """Writes the kept incidents to a journal, see `Journal.record`; later ones are written at once."""
+        """Writes the kept incidents to a journal (`Journal.record`); later incidents are written at once."""
         self._journal = journal
         for kind, fields in self._kept:
             journal.record(kind, fields)

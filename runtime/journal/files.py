@@ -21,7 +21,7 @@ from runtime.shell.files import bring_to_disk, oddity
 from runtime.shell.sealed_lines import sealed_segments, segment
 
 FLAGS = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-PIECE_BYTES = 1 << 20  # of a copy
+PIECE_BYTES = 1 << 20  # bytes copied at once
 MOST_SEAL_BYTES = 4096
 
 
@@ -142,7 +142,7 @@ def opened_regular(path: Path, mode: int, flags: int = 0) -> int:
 
     Raises:
         JournalError: the path is no regular file.
-        OSError: it cannot be opened.
+        OSError: the file cannot be opened.
     """
     with contextlib.suppress(FileNotFoundError):
         _check_regular(path, path.lstat().st_mode)
@@ -181,7 +181,7 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
         The descriptor of `J.broken`, locked, and its length: `size` or, for a truncated journal, 0.
 
     Raises:
-        OSError: it cannot be written, or exists already.
+        OSError: `J.broken` cannot be written, or exists already.
     """
     aside = os.open(broken_of(path), FLAGS | os.O_EXCL, stat.S_IMODE(os.fstat(file).st_mode))
     try:
@@ -204,7 +204,7 @@ def rotate(path: Path, file: int, number: int, line: bytes) -> int:
         The new file's descriptor, locked; the old one stays open.
 
     Raises:
-        OSError: it cannot be written. The next opening of the journal completes a half-done rotation.
+        OSError: a file cannot be written. The next opening of the journal completes a half-done rotation.
     """
     name = next_of(path)
     new = opened_regular(name, 0o644, os.O_TRUNC)

@@ -1,8 +1,8 @@
 """Log of what was installed in a cell, and when: a journal beside the runs' journal.
 
-Each header embeds a table, with its calibration, versions and signature. A run adds one only if anything
-differs from the last one. The log has the chain, locks and segments of a journal, and `grasp-journal` reads
-it.
+Each header embeds a table, with its calibration, versions and signature. A run adds a header only if anything
+differs from the last header. The log has the chain, locks and segments of a journal, and `grasp-journal`
+reads it.
 """
 
 import hashlib

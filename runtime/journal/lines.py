@@ -43,7 +43,7 @@ class Verified(NamedTuple):
 
 
 def content_of(entry: Entry) -> dict[str, object]:
-    """The fields of a record that its kind determines."""
+    """The fields of a record, except the fields that records of every kind have."""
     return {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
 
 

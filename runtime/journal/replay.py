@@ -23,9 +23,9 @@ UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
 class Last(Enum):
     """What the hand may have been doing since a part's latest record was written."""
 
-    AWAY = "away"  # it touches nothing
-    PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
-    PLACED = "placed"  # at the node's place, the squeeze may be under way
+    AWAY = "away"  # the hand touches nothing
+    PUSHING = "pushing"  # the hand is between the first push and the place of the squeeze
+    PLACED = "placed"  # the hand is at the node's place; the squeeze may be under way
     SQUEEZED = "squeezed"  # the reading is decided, the part may still be held
 
 
@@ -37,14 +37,14 @@ class Finding(NamedTuple):
 
 
 class Replay:
-    """State of a journal's latest run, as of the records followed so far."""
+    """State of a journal's latest run after the records that were followed so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None
         self.header: Entry = {}
         self.policy = Policy()
         self.closed = True  # whether the run's last record was seen
-        self.over = False  # whether its last part's outcome ends a run
+        self.over = False  # whether the outcome of the last part ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
         self.parts = 0  # parts with an outcome
         # The node of the latest squeeze, and the target of its reading: None before the reading, and after
@@ -115,7 +115,7 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields the contradictions between part and node of a record and those that the path leads to."""
+        """Yields the contradictions between a record's part and node and the part and node of the path."""
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

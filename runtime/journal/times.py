@@ -12,13 +12,13 @@ from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 class Times(NamedTuple):
     """Statistics of the time that the parts of a journal took."""
 
-    parts: int  # with an outcome and seconds
+    parts: int  # number of parts with an outcome and seconds
     squeezes: int
     phases: dict[str, float]  # mean seconds a part, by the name of the phase
     figures: dict[str, float]  # from `runtime.table.takt`; empty without a part
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "parts": self.parts,
             "squeezes": self.squeezes,
@@ -27,7 +27,7 @@ class Times(NamedTuple):
         }
 
     def lines(self) -> Iterator[str]:
-        """The result as lines of text."""
+        """Yields the statistics as lines of text."""
         if not self.parts:
             yield "no part states its seconds"
             return

@@ -157,7 +157,7 @@ def _sentences(result: PartResult) -> list[str]:
 
 
 def _expected_error(leaf: Leaf) -> dict[str, float] | None:
-    """Median and 95th percentile of the error of the leaf's trials [mm]; None without any."""
+    """Median and 95th percentile of the error of the leaf's trials [mm]; None without trials."""
     errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
     return errors_mm if leaf.trials else None
 

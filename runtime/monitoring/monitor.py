@@ -14,8 +14,8 @@ from runtime.shell.command import sentence_of
 from runtime.table import TableFile
 from runtime.traversal.results import Outcome, PartResult, Step
 
-FAREWELL_S = 1.0  # for a page to poll once more, and learn how the run ended
-SENT_S = 0.1  # for the last answer to be sent
+FAREWELL_S = 1.0  # time for a page to poll once more, and learn how the run ended
+SENT_S = 0.1  # time for the last answer to be sent
 
 
 class Views(NamedTuple):
@@ -24,7 +24,7 @@ class Views(NamedTuple):
     http: str | None = None  # address of the live page, `HOST:PORT`
     takt_s: float | None = None  # time within which a part should be done
     shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
-    journal: Path | None = None  # of earlier runs, whose parts belong to the shift
+    journal: Path | None = None  # journal of earlier runs, whose parts belong to the shift
 
 
 class Monitor(Console):

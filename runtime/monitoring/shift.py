@@ -18,10 +18,10 @@ class Loss(NamedTuple):
 
     kind: str  # an outcome, "audit" or "delivery"
     squeeze: int  # number of squeezes before the loss
-    node: int | None  # of the last squeeze; None without one
+    node: int | None  # node of the last squeeze; None without one
     width_mm: float | None  # width read there
     reason: str
-    part: int  # number of the latest one
+    part: int  # number of the latest such part
     parts: int  # number of such parts
 
 
@@ -102,7 +102,7 @@ class Shift:
 
 
 def _kind(part: Mapping[str, Any]) -> str | None:
-    """How a part was lost; None where it was not."""
+    """Returns how a part was lost; None if the part was not lost."""
     if part["outcome"] != Outcome.LEAF.value:
         return str(part["outcome"])
     if part["audit"] == "fail":

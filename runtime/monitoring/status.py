@@ -74,8 +74,8 @@ class Status:
 
         `steps` are the squeezes of the current part, or of the last one until the next begins; a target >=
         0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
-        of a located part is its pose. `shift` holds the counts of `Shift`, `charts` those of `Drift`; `end`
-        is null during the run.
+        of a located part is its pose. `shift` holds the counts of `Shift`, `charts` the figures of `Drift`;
+        `end` is null during the run.
         """
         with self._lock:
             return {

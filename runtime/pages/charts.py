@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
-MOST_POINTS = 1200  # of a line
+MOST_POINTS = 1200  # most points that are drawn of a line
 APART = 9.0  # least distance of two labels under a histogram, percent of its width
 
 
@@ -90,7 +90,7 @@ def histogram(
         counts: values and their counts; heights are square roots of the counts.
         bands: the shaded intervals; names without room are left out.
         span: ends of the axis.
-        unit: of the values.
+        unit: unit of the values.
     """
     low, high = span
     scale = 100.0 / ((high - low) or 1.0)
@@ -116,7 +116,7 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
     """Thins values to `MOST_POINTS` at most, for drawing.
 
     Returns:
-        Of each stretch of values the one farthest from zero, with its index.
+        For each stretch of values, the value farthest from zero, with its index.
     """
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))

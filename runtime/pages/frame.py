@@ -26,10 +26,10 @@ def page(
     script: str = "",
     policy: str = "",
 ) -> str:
-    """A complete page.
+    """Returns a complete HTML page.
 
     Args:
-        title: of the window.
+        title: title of the window.
         body: HTML.
         kind: class of the body: "sheet" prints small.
         style: CSS of this page only, after the common one.
@@ -74,7 +74,7 @@ def table(
 
     Args:
         label: description for screen readers.
-        heads: of the columns; the first cell of each row is the row's head.
+        heads: heads of the columns; the first cell of each row is the row's head.
         rows: texts, one a cell.
         kind: class of the surrounding element.
     """

@@ -16,7 +16,7 @@ from asyncua.server.internal_session import InternalSession
 from runtime.plc.certificates import Trust
 
 SESSION_S = 10.0  # silence after which a session ends
-PATIENCE_S = 5.0  # for a connection to begin a session
+PATIENCE_S = 5.0  # time for a connection to begin a session
 MOST_CONNECTIONS = 16
 MOST_SUBSCRIPTIONS = 64
 MOST_MESSAGE_BYTES = 1 << 20
@@ -74,7 +74,8 @@ class GuardedServer(InternalServer):
         """Admits a client as a user who may read and call methods, but not change the address space.
 
         Args:
-            certificate: the client's; the secure channel has proved that the client holds its key.
+            certificate: the client's certificate; the secure channel has proved that the client holds its
+                key.
 
         Raises:
             ServiceError: the certificate is not trusted.

@@ -1,4 +1,4 @@
-"""Certificates of an OPC UA server: its own, self-signed and created once, and those of trusted clients.
+"""Certificates for an OPC UA server: the server's, self-signed and created once, and the trusted clients'.
 
 A client's certificate must be the pinned one, or one of a folder; its dates and its issuer are not checked.
 The secure channel proves that the client holds the key.
@@ -68,7 +68,7 @@ def _refused(content: str, file: Path) -> InputError:
 
 
 class Trust:
-    """The trusted clients: those of a folder, or only the first one to connect.
+    """The trusted clients: those with a certificate in a folder, or only the first one to connect.
 
     Args:
         pinned: the file for the certificate of the first client.

@@ -23,14 +23,14 @@ from runtime.plc.station import Refusal
 # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
 HEADER = struct.Struct(">HHH")
 LONGEST = 254  # greatest length that a header may state: a unit and a PDU of 253 bytes
-PATIENCE_S = 5.0  # for the rest of a frame
+PATIENCE_S = 5.0  # time for the rest of a frame
 PANEL_S = 10.0  # time after which a first client that only reads lets another one write
 MOST_CONNECTIONS = 16
 PIECE_BYTES = 1024
-MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not read
+MOST_UNREAD_BYTES = 1 << 16  # most bytes of answers that a client does not read
 # A PLC that lost power is detected after 3 + 3 x 1 s; then the next one may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
-BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of which there are none
+BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # access to coils and discrete inputs: there are none
 # Lengths of the supported PDUs; None: variable.
 LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}
 
@@ -83,7 +83,7 @@ class ModbusServer(PlcServer):
         self.exchange.connected = True
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`."""
+        """Serves until `stop`, see `PlcServer.serve`."""
         loop = asyncio.get_running_loop()
         server = await loop.create_server(lambda: Connection(self), sock=self._listener)
         self.started.set()
@@ -157,7 +157,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_getValues(  # noqa: N802 - pymodbus' name
         self, _device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
-        """Reads registers, for pymodbus; for a write of one register (function 6), the value just written."""
+        """Reads registers, for pymodbus; as the answer to function 6, returns the value just written."""
         if func_code == 6:
             return self._last
         values = self._server.exchange.read(address, count)

@@ -26,10 +26,11 @@ from runtime.plc.server import PlcServer
 from runtime.plc.station import Glance
 from runtime.plc.vision import Job, Result, VisionState, waits
 
-CLOSING_S = 5.0  # for connections to close at the end
-LONGEST_TEXT = 100  # of an argument
+CLOSING_S = 5.0  # time for connections to close at the end
+LONGEST_TEXT = 100  # most characters of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
-BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
+# URI of the product, and of a server without a certificate.
+BARE_URI = "urn:squeezetree:grasp-runtime"
 DONE = (0, "")  # outputs `error` and `message` of a successful command
 REASONS = {
     Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
@@ -57,9 +58,9 @@ class OpcUaServer(PlcServer):
 
     Args:
         listener: the socket.
-        exchange: between the server and the run; its station needs no heartbeat, since sessions have one.
-        panel: the values.
-        security: of the endpoint, None for an unencrypted one.
+        exchange: connects the server with the run; its station needs no heartbeat, since sessions have one.
+        panel: the values that the server shows.
+        security: keys and trusted clients of the endpoint; None for an unencrypted one.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`."""
+        """Serves until `stop`, see `PlcServer.serve`."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
@@ -152,7 +153,7 @@ class OpcUaServer(PlcServer):
     # -- methods --------------------------------------------------------------------------------------
 
     def _methods(self) -> list[tuple[str, Callable[..., Any], Arguments, Arguments]]:
-        """Each method's path, its function, and its arguments in and out."""
+        """Returns the path, the function, the input arguments and the output arguments of each method."""
         text, handle = TYPES[str], argument("resultHandle", TYPES[int])
         refusal = (argument("error", ua.VariantType.Int32), argument("message", text))
         job, recipe = argument("jobId", text), argument("recipeId", text)

@@ -12,7 +12,7 @@ from runtime.plc.handshake import Error
 
 WRITTEN_AT = 0
 READ_AT = 100
-UNKNOWN = 0xFFFF  # of one word: unknown, or too large for it
+UNKNOWN = 0xFFFF  # value of one word: unknown, or too large for a word
 OUTCOMES = ("none", "located", "rejected", "unresolved", "fault")
 HEARTBEAT_LIMIT_S = 3.0
 
@@ -30,7 +30,7 @@ class Register(NamedTuple):
 
     @property
     def words(self) -> int:
-        """Number of 16-bit words."""
+        """Number of 16-bit words of the register."""
         return 2 if self.type.endswith("32") else 1
 
     @property
@@ -127,7 +127,7 @@ def as_json() -> dict[str, object]:
 
 
 def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]:
-    """The 16-bit words of consecutive registers.
+    """Converts the values of consecutive registers to 16-bit words.
 
     Args:
         registers: the registers, in order.

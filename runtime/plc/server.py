@@ -10,7 +10,7 @@ from typing import Self
 from runtime.plc.exchange import Exchange
 from runtime.shell import interrupts
 
-STARTING_S = 60.0  # until a server answers, on a busy machine
+STARTING_S = 60.0  # time until a server answers, on a busy machine
 STOPPING_S = 10.0  # wait for the end of a server's thread; a thread that takes longer is abandoned
 
 

@@ -15,7 +15,7 @@ from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, OUTCOMES, READ, UNKNOWN, WRITTEN, words
 from runtime.table import takt_figures
 
-BEAT_S = 0.25  # between two changes of `heartbeat_out`
+BEAT_S = 0.25  # time between two changes of `heartbeat_out`
 
 
 class Refusal(IntEnum):
@@ -49,7 +49,7 @@ class Answer(NamedTuple):
 
 
 EMPTY = Answer()
-FAULT = 4  # of `Answer.outcome`
+FAULT = 4  # value of `Answer.outcome`
 _ADDRESSES = {register.address: register for register in WRITTEN}
 
 
@@ -92,7 +92,7 @@ class Counters:
             self._values["takt_share"] = round(1e4 * share)
 
     def values(self) -> dict[str, int]:
-        """Values by register name."""
+        """Returns the counts and times by register name."""
         return self._values
 
 
@@ -105,7 +105,7 @@ class Station:
         beats: whether the PLC has to change `heartbeat_in` regularly.
 
     Attributes:
-        state: of the handshake.
+        state: state of the handshake.
         order: the current part, None between two.
         enabled: whether triggers count.
         error_id: an `Error`, or the exit code of a fault.
@@ -150,7 +150,7 @@ class Station:
         return None
 
     def put(self, changes: Mapping[str, int], now: float) -> None:
-        """Writes values by register names; `now` as for `write`."""
+        """Writes values by register names; see `write` for `now`."""
         self.tick(now)
         before, self._written = self._written, {**self._written, **changes}
         if self._written["heartbeat_in"] != before["heartbeat_in"]:
@@ -163,7 +163,7 @@ class Station:
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
         """Reads `count` words of one of the two blocks, or refuses an access beyond the block.
 
-        `address` and `now` are as for `write`.
+        See `write` for `address` and `now`.
         """
         self.tick(now)
         block, values = WRITTEN, self._written

@@ -44,7 +44,7 @@ class Parser(argparse.ArgumentParser):
             )
 
     def error(self, message: str) -> NoReturn:
-        """Ends with exit code 2 and a line on standard error."""
+        """Ends the command with exit code 2 and a line on standard error."""
         tell(self.prog, f"{message}; {self.prog} --help tells more")
         self.exit(ExitCode.USAGE)
 
@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
         self.add_debug()
 
     def add_debug(self) -> None:
-        """Adds --debug only."""
+        """Adds the option --debug only."""
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 

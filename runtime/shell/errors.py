@@ -46,7 +46,7 @@ class InputError(ExpectedError):
         self.problem, self.where, self.section, self.key = problem, where, section, key
 
     def at(self, where: str = "", section: str = "", key: str = "") -> Self:
-        """The same error with its place added; parts that are set already stay."""
+        """Returns the error with its place added; parts of the place that are set already stay."""
         where, section, key = self.where or where, self.section or section, self.key or key
         return type(self)(self.problem, where=where, section=section, key=key)
 

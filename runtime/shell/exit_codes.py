@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """Exit code of a process; higher is more severe, and a run ends with that of its worst part."""
+    """Exit code of a process; higher is more severe, and a run ends with the code of its worst part."""
 
     sentence: str
 
@@ -32,7 +32,7 @@ class ExitCode(IntEnum):
 
 
 def epilog(*codes: ExitCode) -> str:
-    """The section of --help with a command's exit codes: 0 to 2, `codes`, and that of Ctrl-C."""
+    """The section of --help with a command's exit codes: 0 to 2, `codes`, and the code of Ctrl-C."""
     end = set() if ExitCode.STOPPED in codes else {ExitCode.INTERRUPTED}
     listed = sorted({ExitCode.DONE, ExitCode.INTERNAL, ExitCode.USAGE, *codes} | end)
     return "\n".join(["exit codes:", *(f"  {code:>3}  {code.sentence}" for code in listed), ""])

@@ -58,7 +58,7 @@ def folder(path: Path, *others: Path | None) -> Path:
         others: folders that the command reads, as in `usable`.
 
     Raises:
-        OutputError: it cannot be created, or is one of the others.
+        OutputError: the folder cannot be created, or is one of the others.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

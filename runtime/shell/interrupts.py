@@ -18,8 +18,8 @@ from typing import Self
 
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-AGAIN_S = 0.01  # until a request that came while an exception was being handled is tried again
-LOST_S = 0.1  # until a request that Python dropped (finalizer, callback) is raised again
+AGAIN_S = 0.01  # time until a request that came while an exception was being handled is tried again
+LOST_S = 0.1  # time until a request that Python dropped (finalizer, callback) is raised again
 
 
 class _Request:

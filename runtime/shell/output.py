@@ -19,7 +19,7 @@ from typing import TextIO
 KEPT_BYTES = 1 << 20  # several thousand lines
 END_S = 1.0
 STDOUT, STDERR = 1, 2
-PIECE = 512  # a ready pipe takes as much at once (POSIX: PIPE_BUF)
+PIECE = 512  # bytes that a ready pipe takes at once (POSIX: PIPE_BUF)
 
 _outlets: dict[int, "Outlet"] = {}
 

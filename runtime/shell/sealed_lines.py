@@ -25,7 +25,7 @@ def sealed(body: bytes) -> tuple[bytes, str]:
 
 
 def is_intact(line: bytes) -> bool | None:
-    """Whether the digest at the end of a line is that of the line; None where there is no digest."""
+    """Whether the digest at the end of a line matches the line; None where there is no digest."""
     if not line[-_LENGTH:].startswith(_MARK):
         return None
     return line == sealed(line[:-_LENGTH] + b"}")[0]

@@ -11,7 +11,7 @@ from runtime.shell.plain_text import nested, unprintable
 
 MOST_LEVELS = 64
 MOST_DIGITS = 19
-MOST_BYTES = 4 << 20  # of a file
+MOST_BYTES = 4 << 20  # largest size of a file
 
 
 def parse(text: str | bytes) -> Any:
@@ -38,7 +38,7 @@ def parse(text: str | bytes) -> Any:
 
 
 def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> Any:
-    """Loads a JSON file.
+    """Loads a JSON file, and returns its value.
 
     Args:
         path: the file.
@@ -53,7 +53,7 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
 
 
 def data_of(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> bytes:
-    """Reads the bytes of a JSON file, which `value_of` parses; arguments and errors as of `load`."""
+    """Reads the bytes of a JSON file for `value_of`; its arguments and errors are those of `load`."""
     try:
         with path.open("rb") as file:
             data = file.read(most_bytes + 1)
@@ -65,7 +65,7 @@ def data_of(path: Path, refused: Callable[[str], Exception], most_bytes: int = M
 
 
 def value_of(data: bytes, refused: Callable[[str], Exception]) -> Any:
-    """Parses the bytes of a JSON file; errors as of `load`."""
+    """Parses the bytes of a JSON file; its errors are those of `load`."""
     try:
         value = parse(data)
     except ValueError as error:

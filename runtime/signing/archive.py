@@ -33,7 +33,7 @@ def unsigned(members: Mapping[str, bytes]) -> bytes:
 
 
 def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
-    """The members of an archive, whose bytes must equal those of `unsigned`, except for the signature.
+    """The members of an archive, whose bytes before the signature must be the bytes that `unsigned` returns.
 
     Args:
         data: the file.

@@ -19,7 +19,8 @@ from runtime.shell.files import OutputError, bring_to_disk, quoted, read_input, 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric import ed25519
 
-_PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
+# Prefix of a public key in DER (RFC 8410, section 4).
+_PREFIX = bytes.fromhex("302a300506032b6570032100")
 _MOST_BYTES = 1 << 16
 _REMEDY = "; squeezetree key makes one"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO

@@ -38,7 +38,7 @@ class Pack:
 
     members: Mapping[str, bytes]  # contents by name, the manifest first
     manifest: Mapping[str, Any]  # the manifest
-    key: PublicKey  # of its signer
+    key: PublicKey  # key of the signer
     digest: str  # SHA-256 of the file
 
     def fields(self) -> dict[str, object]:
@@ -57,7 +57,7 @@ def signed(
     Args:
         table: the table; its job is included, unless it was stripped.
         calibration: the bytes of the calibration's file, if there is one.
-        key: of the signer.
+        key: the key of the signer.
         facts: further fields of the manifest: `signer`, `created`, `versions`.
     """
     job = table.table.job
@@ -81,7 +81,7 @@ def read(path: Path) -> bytes:
     """Reads a pack's file.
 
     Raises:
-        InputError: it cannot be read, or is too large for a pack.
+        InputError: the file cannot be read, or is too large for a pack.
     """
     return read_input(path, MOST_BYTES, f"pack {path}")[0]
 
@@ -135,7 +135,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
-    # the folder of a link, and that of the file to which it leads
+    # the folder of a link, and the folder of the file to which it leads
     folders = sorted({tree.parent.resolve(), tree.resolve().parent})
     for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:

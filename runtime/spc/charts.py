@@ -14,7 +14,7 @@ WINDOW = 50  # parts over which shares are taken
 # long one small ones
 WINDOWS = (50, 200)
 RARE = 1e-5  # false-alarm probability of a window
-UNLIKELY = 2e-5  # the same for frequencies of branches: chi-square is inexact for less
+UNLIKELY = 2e-5  # this probability for frequencies of branches: chi-square is inexact for less
 LEAST_EXPECTED = 3.0  # least expectation of a chi-square's cell; smaller ones are pooled
 CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a failure, not a drift
 
@@ -48,8 +48,8 @@ class Cusum:
 class Ewma:
     """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959)."""
 
-    weight: float = 0.1  # of the newest value
-    width: float = 5.0  # of the limits, standard deviations of the mean
+    weight: float = 0.1  # weight of the newest value
+    width: float = 5.0  # distance of the limits from zero, in standard deviations of the mean
     mean: float = 0.0
 
     @property

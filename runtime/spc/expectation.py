@@ -21,7 +21,7 @@ from runtime.table import Table
 KIND, VERSION = "expected readings", 2
 # prior readings of each node, evenly spread over all bins
 PRIOR = 20.0
-MOST_BINS = 1000  # of a node's readings; tables have fewer
+MOST_BINS = 1000  # most bins of a node's readings; tables have fewer
 LIMIT = 1.5e4  # mean number of parts to a false alarm of this chart alone
 CLIP = log(200.0)  # largest contribution of one part: a single outlier is no drift
 
@@ -33,14 +33,14 @@ class Expectation:
     """Predicted histograms of each node's readings in several worlds; the planned world is the first."""
 
     table_sha256: str  # digest of the table's file
-    names: tuple[str, ...]  # of the worlds
-    shares: tuple[Shares, ...]  # for each world, (nodes, bins), none of them zero
+    names: tuple[str, ...]  # names of the worlds
+    shares: tuple[Shares, ...]  # (nodes, bins) for each world, none of them zero
 
     def check(self, history: History) -> None:
         """Checks that the expectation belongs to the table of a history.
 
         Raises:
-            UsageError: the expectation is of another table.
+            UsageError: the expectation belongs to another table.
         """
         table, planned = history.table, self.shares[0]
         alike = len(planned) == len(table.nodes) and len(planned[0]) == table.gripper.bins
@@ -50,7 +50,7 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """Log-likelihood ratios, at most `CLIP`, of a part's readings: of each other world to the planned."""
+        """Log-likelihood ratios of a part's readings: each other world to the planned one, at most `CLIP`."""
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
         # A clipped ratio, like the ratio itself, has a mean of at most one.

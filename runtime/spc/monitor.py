@@ -89,7 +89,7 @@ class Monitor:
         """All alarms of a history of this table, in order.
 
         Raises:
-            UsageError: the expectation is of another table.
+            UsageError: the expectation belongs to another table.
         """
         if self.readings is not None:
             self.readings.expected.check(history)
@@ -137,7 +137,7 @@ class Drift:
     def __init__(self, table: Table) -> None:
         self._charts = Monitor(table, keep=RECENT)
         self._drifted = False
-        self._alarms: dict[str, Alarm] = {}  # the latest of each chart
+        self._alarms: dict[str, Alarm] = {}  # the latest alarm of each chart
 
     def as_object(self) -> dict[str, object]:
         """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
@@ -181,7 +181,7 @@ def deviation(table: Table, squeeze: NodeReading) -> tuple[float, float]:
             return 0.0, inf
     else:
         nearest = branches[squeeze.branch]
-    # An interval contains all widths seen in planning: its scatter is at most that of an even
+    # An interval contains all widths seen in planning: its scatter is at most the scatter of an even
     # distribution.
     spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
     return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)
@@ -214,7 +214,7 @@ def branch_shares(table: Table) -> list[list[float]]:
     """Predicted shares of each node's branches.
 
     They are counted from the trials that the evaluation recorded at the leaves below each branch. No share
-    is zero. At a node that no trial reached they are the branches' probabilities in the table.
+    is zero. At a node that no trial reached, the shares are the branches' probabilities in the table.
     """
     reached = [0] * len(table.nodes)
 
@@ -238,7 +238,7 @@ def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
-    """Counts of the readings on each branch of each node; the last count of a node is that of rejects."""
+    """Counts of the readings on each branch of each node; the last count of a node counts its rejects."""
     counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
     for part in parts:
         for squeeze in part.squeezes:

@@ -11,7 +11,7 @@ from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
 
 
 def page(title: str, summary: Summary) -> str:
-    """The whole page.
+    """Returns the report as one HTML page.
 
     Args:
         title: title of the page.

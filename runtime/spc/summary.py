@@ -24,7 +24,7 @@ GROUP = 50  # audited parts for one point of the p-chart
 class Series(NamedTuple):
     """A chart to draw: values for each step, and limits."""
 
-    heading: str  # in plain words
+    heading: str  # heading in plain words
     lines: tuple[Line, ...]
     limits: tuple[float, ...]
     step: str
@@ -36,7 +36,7 @@ class LeafRow(NamedTuple):
 
     leaf: int
     parts: int
-    judged: int  # of these, those judged to pass or fail
+    judged: int  # how many of the parts were judged to pass or fail
     passed: int
     predicted: float | None  # success rate that the table predicts, None where no trial ended there
     # mean and standard deviation of x [mm], y [mm] and theta [rad]; empty where none was measured
@@ -55,7 +55,7 @@ class NodeRow(NamedTuple):
     """The squeezes at one node, compared with the shares of the table by Pearson's chi-square test."""
 
     node: int
-    counts: tuple[int, ...]  # of each branch, and last of rejects
+    counts: tuple[int, ...]  # count of each branch, and last of the rejects
     shares: tuple[float, ...]
     statistic: float
     freedom: int
@@ -75,7 +75,7 @@ class Summary:
     agrees: bool  # whether the interval contains the predicted success rate
     leaves: tuple[LeafRow, ...]
     nodes: tuple[NodeRow, ...]
-    tail: float  # of the chi-square over all nodes
+    tail: float  # tail probability of the chi-square over all nodes
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
     names: tuple[NameRow, ...] = ()  # for a table of several parts
@@ -88,7 +88,7 @@ class Summary:
 
     @property
     def refit(self) -> bool:
-        """Whether the readings differ from those of the planned cell, so that a refit would pay."""
+        """Whether the readings differ from the planned cell's readings, so that a refit would pay."""
         drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 
@@ -115,7 +115,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     """Summarises a history; the chart of readings is included if the expectation is known.
 
     Raises:
-        UsageError: the expectation is of another table.
+        UsageError: the expectation belongs to another table.
     """
     parts, table = history.parts, history.table
     passed, judged = _judged(parts)
@@ -143,7 +143,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
 
 def _charts(history: History, monitor: Monitor, alarms: Sequence[Alarm]) -> Iterator[Series]:
     def heading(chart: str) -> str:
-        """Heading of a chart: the sentence of its first alarm, or that all is well."""
+        """Heading of a chart: the sentence of its first alarm, or a sentence that no chart alarmed."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
         return capital(next(sentences, STEADY[chart]))
 
@@ -179,7 +179,7 @@ def failures(history: History) -> Series:
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
-    """Returns the number of parts that passed, and of those that passed or failed."""
+    """Returns the number of parts that passed, and the number of parts that passed or failed."""
     passed = sum(part.verdict == "pass" for part in parts)
     return passed, passed + sum(part.verdict == "fail" for part in parts)
 

@@ -104,7 +104,7 @@ def loads(data: bytes) -> Table:
     """The table in a file's bytes, decoded and validated.
 
     Raises:
-        TableError: the bytes are not exactly those that `dumps` writes for a valid table.
+        TableError: the bytes are not exactly the bytes that `dumps` writes for a valid table.
     """
     table = decode(data)
     validate(table)

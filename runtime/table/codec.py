@@ -25,7 +25,7 @@ Records = list[
 
 
 def encode(table: Table) -> bytes:
-    """The bytes of a table, without validation.
+    """Encodes a table to bytes, without validation.
 
     Raises:
         TableError: a value is not of its field's type.
@@ -47,10 +47,10 @@ def names_table(data: bytes) -> bool:
 
 
 def decode(data: bytes) -> Table:
-    """The table in some bytes, without validation.
+    """Decodes a table from bytes, without validation.
 
     Raises:
-        TableError: the bytes are not exactly those that `encode` gives for a table; the message gives the
+        TableError: the bytes are not exactly the bytes that `encode` gives for a table; the message gives the
             first reason.
     """
     payload = _unpacked(_payload(data), "the payload")

@@ -40,7 +40,7 @@ def job_of(table: Table) -> dict[str, Any] | None:
 
 
 def section(job: Section, name: str) -> Section:
-    """A section of a job; empty where it is missing."""
+    """Returns a section of a job; empty if the job lacks the section."""
     result = job.get(name, {})
     if not isinstance(result, dict):
         raise _refusal(name, "is no section")
@@ -59,7 +59,7 @@ def parts_of(job: Section) -> list[Section]:
 
 
 def number(table: Section, key: str) -> float | None:
-    """The number under a key; None where it is not stated."""
+    """Returns the number under a key of a section; None if it is missing."""
     value = table.get(key)
     return None if value is None else _number(value, key)
 
@@ -75,7 +75,7 @@ def numbers(table: Section, *keys: str) -> list[float]:
 
 
 def points(table: Section, key: str) -> Outline:
-    """The list of points [x, y] under a key; empty where it is not stated."""
+    """Returns the points [x, y] under a key of a section; empty if it is missing."""
     rows = table.get(key)
     if rows is None:
         return []

@@ -52,7 +52,7 @@ def successes_of(leaf: Leaf) -> int:
 
 
 def validate_figures(table: Table) -> None:
-    """Checks that the figures of a table can be those of one evaluation.
+    """Checks that the figures of a table can come from one evaluation.
 
     A leaf's success must be a share of whole trials. A quantile of the leaf's errors, such as the median,
     must not exceed the goal's distance if that share of the trials met the goal. The whole table must not

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
-MAX_BYTES = 2 << 20  # of a file
+MAX_BYTES = 2 << 20  # largest size of a file
 FAR = 10**9  # bound of values that have no other
 
 FLAG = "flag"  # 0 or 1, a bool in the records
@@ -25,7 +25,7 @@ class Field(NamedTuple):
     least: int | str = 0  # bounds of an int, or of the length of other types
     most: int | str = FAR
     type: str = "int"  # one of `TYPES`
-    name: str = ""  # the attribute's, dotted for nested records
+    name: str = ""  # name of the attribute, dotted for nested records
 
     def bounds(self, table: Any) -> tuple[int, int]:
         """Returns the least and the greatest allowed value or, for text and bytes, the allowed lengths."""
@@ -37,7 +37,7 @@ class Field(NamedTuple):
 
 
 def fields_of(record: Any, *only: str) -> tuple[Field, ...]:
-    """The fields that annotate a record's class, in order, including those of nested records.
+    """The fields that annotate a record's class and the nested records, in order.
 
     Args:
         record: the class.

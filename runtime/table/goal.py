@@ -56,7 +56,7 @@ def threshold(goal: GoalSpec) -> float:
 def meets(goal: GoalSpec, leaf: Leaf, true: Pose2, hypothesis: int = 0) -> bool:
     """Whether a part at the pose `true` (mm, mm, rad) meets the goal at a leaf.
 
-    The leaf's hypothesis must be that of the part, too, if the goal asks to identify it.
+    The leaf must also state the part's `hypothesis` if the goal asks to identify the part.
     """
     return any(
         distance(goal, pose, true) < threshold(goal) and (which == hypothesis or not goal.identify)

@@ -17,7 +17,7 @@ from runtime.table.geometry import Outline, Pose2, from_segment, gyration_mm
 from runtime.table.goal import hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
-MOST_POINTS = 48  # of an outline, so that hundreds of leaves are checked within milliseconds
+MOST_POINTS = 48  # points of an outline, so that hundreds of leaves are checked in milliseconds
 DIRECTIONS = 90  # directions in which the narrowest width is searched
 MARGIN_MM = 0.5
 TAIL = 4.0  # standard deviations
@@ -36,7 +36,7 @@ class Shape(NamedTuple):
 
 
 class Slack(NamedTuple):
-    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 where it states none."""
+    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 if there are none."""
 
     place_mm: float
     turn_rad: float
@@ -49,8 +49,8 @@ class Slack(NamedTuple):
 class Grip(NamedTuple):
     """The faces of the closed jaws, and how far they may be off; lengths in mm."""
 
-    hand: Pose2  # in the world, where the jaws release the part
-    half_length: float  # of a finger
+    hand: Pose2  # pose of the hand in the world, where the jaws release the part
+    half_length: float  # half the length of a finger
     low: float  # y of the lower face in the hand frame
     high: float
     off: float  # largest error of the place of either face
@@ -122,9 +122,9 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
-    """Error (eq. 9) allowed for a leaf's pose, mm: the median of its trials or, without trials, the goal's.
+    """Allowed error (eq. 9) of a leaf's pose, mm: its trials' median or, without trials, the goal's distance.
 
-    Infinite without trials if the goal does not bound the position.
+    The error is infinite without trials if the goal does not bound the position.
     """
     if leaf.trials:
         return leaf.error_median_um / 1e3

@@ -18,7 +18,7 @@ DOUBT_STEPS = 3  # doubt about widths, in units of the larger of resolution and 
 PROFILES = {
     profile.model: profile
     for profile in (
-        # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc is that of its URDF models.
+        # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc comes from its URDF models.
         # Teleoperation streams positions to it while it moves. Up to 5 mm its object detection may miss a
         # part (2F-85 manual, "object detection").
         GripperProfile(
@@ -49,7 +49,7 @@ PROFILES = {
             counts=(3, 230),
         ),
         # Commonly published figures, not compared with a manual's page; early units have 60 to 130
-        # N. The encoder's ends are those of the register.
+        # N. The ends of the register are the encoder's ends.
         GripperProfile(
             model="hand-e",
             stroke_um=50_000,
@@ -63,7 +63,7 @@ PROFILES = {
         ),
         # Data sheets of DH-Robotics' AG-95 and PGC-140-50: stroke, opening and closing time 0.7 s, force,
         # repeatability +-0.03 mm; settings of 1 and 20 to 100 % and positions of thousandths by the short
-        # manuals, 2.3.4.2 to 2.3.4.4. The arc of an AG-95 is that of one public URDF model.
+        # manuals, 2.3.4.2 to 2.3.4.4. The arc of an AG-95 comes from one public URDF model.
         GripperProfile(
             model="dh-ag95",
             stroke_um=95_000,
@@ -156,7 +156,7 @@ def _plugged_in(model: str, name: str) -> GripperProfile | None:
 
     Args:
         model: the model's name, for messages.
-        name: the same as `_normalised`.
+        name: the result of `_normalised` for this name.
 
     Raises:
         TableError: the profile cannot be loaded, or is invalid.

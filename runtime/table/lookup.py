@@ -22,7 +22,7 @@ class Calibration:
     """
 
     profile: GripperProfile
-    points_um: tuple[tuple[int, int], ...] = ()  # nominal, true; none: nominal widths are true
+    points_um: tuple[tuple[int, int], ...] = ()  # (nominal, true); empty: nominal widths are true
 
     def __post_init__(self) -> None:
         if len(self.points_um) == 1:
@@ -49,7 +49,7 @@ class Calibration:
         return self.width_um(self.profile.stroke_um)
 
     def nearest_um(self, width_um: int) -> int:
-        """The reading whose true width is nearest to `width_um`; of two, the more open one."""
+        """The reading whose true width is nearest to `width_um`; of two such readings, the more open one."""
         wider = self.opening_um(width_um)
         step = self.profile.step(wider)
         less = self.profile.reading_um(max(step - 1, 0))
@@ -118,8 +118,8 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
       branches that mean nothing held or, without such a candidate, the grips (not at width 0): a grip was not
       felt.
 
-    The candidate with the nearest expected width is chosen, the lower index of two equally near; without a
-    candidate the reading is `REJECT`.
+    The candidate with the nearest expected width is chosen, or of two equally near ones the candidate with
+    the lower index; without a candidate the reading is `REJECT`.
     """
     grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
     empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]

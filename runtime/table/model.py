@@ -26,7 +26,7 @@ Y = ("limits.work_area_um.y_min", "limits.work_area_um.y_max")
 TURN = (-MAX_ANGLE_URAD, MAX_ANGLE_URAD)
 WIDTH = (0, "gripper.opening_um")
 
-MOST_BINS = 300  # of a histogram of readings
+MOST_BINS = 300  # most bins of a histogram of readings
 # Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`.
 HELD_UM = 2000
 
@@ -241,15 +241,15 @@ class GripperSpec:
 
     @property
     def steps_a_bin(self) -> int:
-        """Steps of a reading in one bin."""
+        """Number of steps of a reading in one bin of a histogram."""
         return self.steps // MOST_BINS + 1
 
     @property
     def profile(self) -> GripperProfile:
         """The profile that the table was planned with.
 
-        A table does not state arc, radius and counts: they are those of the known model of this name, the
-        counts only if they have as many steps.
+        A table does not state arc, radius and counts. They come from the known model of this name; its counts
+        are used only if they have as many steps.
         """
         preset = known(self.model)
         counts = None if preset is None else preset.counts

@@ -76,7 +76,8 @@ FIELDS: dict[str, tuple[Field, ...]] = {
 def records_of(table: model.Table) -> dict[str, list[tuple[int, Any]]]:
     """The records of each section, by its name, as pairs of an index and the record.
 
-    The index is that of the node or leaf that owns the record; without an owner, that of the record.
+    The index is the number of the node or leaf that owns the record; without an owner, the index is the
+    number of the record.
     """
     nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
     return {

@@ -50,12 +50,12 @@ def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> 
 class Phases(NamedTuple):
     """Seconds that each phase of one squeeze takes."""
 
-    push_s: float = 0.0  # pushes before it
-    travel_s: float = 0.0  # travel above its place, while the jaws move to its opening
+    push_s: float = 0.0  # the pushes before the squeeze
+    travel_s: float = 0.0  # travel above the squeeze's place, while the jaws move to the opening
     lower_s: float = 0.0
     close_s: float = 0.0  # the strokes, until the reading is accepted
     release_s: float = 0.0  # a drag, and the jaws until they are clear of the part
-    rise_s: float = 0.0  # the jaws may continue to open meanwhile
+    rise_s: float = 0.0  # the rise of the hand; the jaws may continue to open meanwhile
 
     @property
     def total_s(self) -> float:
@@ -67,7 +67,7 @@ def phases_of(record: object) -> Phases:
     """Parses the phases of a squeeze from a journal record.
 
     Raises:
-        ValueError: they are invalid.
+        ValueError: the phases are invalid.
     """
     if not isinstance(record, Mapping) or set(record) != set(Phases._fields):
         raise ValueError(f"phases are not {', '.join(Phases._fields)}")
@@ -75,10 +75,10 @@ def phases_of(record: object) -> Phases:
 
 
 def time_of(value: object) -> float:
-    """Parses a time of a record, s.
+    """Parses a time in a record, and returns it, s.
 
     Raises:
-        ValueError: it is invalid.
+        ValueError: the time is invalid.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < inf:
         raise ValueError(f"{value!r} is no time")
@@ -88,17 +88,17 @@ def time_of(value: object) -> float:
 class Visit(NamedTuple):
     """Motions of hand and jaws in one squeeze, from which `Timing.squeeze` computes its time."""
 
-    way_mm: float  # of the hand, from its last place
-    turn_rad: float  # of the hand on that way, of either sign
-    opening_mm: float  # of the jaws before the squeeze
+    way_mm: float  # way of the hand from its last place
+    turn_rad: float  # turn of the hand on that way, of either sign
+    opening_mm: float  # opening of the jaws before the squeeze
     # greatest width at which the jaws may meet the part; None: it is not known
     contact_mm: float | None
-    width_mm: float  # of the jaws where they stop
-    speed_mm_s: float  # at which the jaws close where they may meet the part
+    width_mm: float  # width at which the jaws stop
+    speed_mm_s: float  # speed of closing where the jaws may meet the part
     next_mm: float  # opening of the jaws after the squeeze
     drag_mm: float = 0.0  # drag of a held part before its release
     from_retreat: bool = False  # whether the hand comes down from the retreat height
-    to_retreat: bool = False  # whether it returns there
+    to_retreat: bool = False  # whether the hand returns to the retreat height
     jaws_s: float = 0.0  # how long the jaws still move when the hand starts
 
 
@@ -108,12 +108,12 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    # from the request of an arm motion to the confirmation of its end, without the motion itself
+    # time from the request of an arm motion to the confirmation of its end, less the motion itself
     arm_answer_s: float
-    jaw_answer_s: float  # the same for a stroke of the jaws, which ends with three equal readings
+    jaw_answer_s: float  # this time for a stroke of the jaws, which ends with three equal readings
     poll_s: float  # time to read the jaws once, or to send them a request
     turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
-    fastest_mm_s: float  # of the jaws, where they touch nothing
+    fastest_mm_s: float  # speed of jaws that touch nothing
     streams: bool  # whether the jaws take another stroke while they move
     squeeze_mm: float  # heights of the tips
     regrasp_mm: float
@@ -141,7 +141,7 @@ class Timing:
     def move_s(
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
-        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without either."""
+        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without way and turn."""
         way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
@@ -151,7 +151,8 @@ class Timing:
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
         """Whether a hand at the retreat height descends to the regrasp height on its way to a squeeze.
 
-        It does so only from nearby, and only where the descent takes no longer than the travel.
+        The hand descends on the way only from nearby, and only if the descent takes no longer than the
+        travel.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm

@@ -26,7 +26,7 @@ class Decision(NamedTuple):
 
     @property
     def reason(self) -> str | None:
-        """Why the reading is rejected; None where it is not."""
+        """Why the reading is rejected; None if it is accepted."""
         if self.branch != REJECT:
             return None
         if self.object is ObjectState.AT_TARGET:
@@ -70,11 +70,11 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Actions after a reject or an unresolved leaf, in order; each is taken once, the last ends the part."""
+    """Actions after a reject or an unresolved leaf, in order; each is taken once. The last ends the part."""
 
-    # after a reading that no branch has
+    # actions after a reading that no branch has
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
-    # after a leaf that is not resolved
+    # actions after a leaf that is not resolved
     on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
 
     @classmethod

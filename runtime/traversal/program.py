@@ -29,17 +29,17 @@ class Approach:
     The node's pushes come before, unless the squeeze is repeated.
     """
 
-    index: int  # of the node
+    index: int  # index of the node
     node: Node
-    number: int  # of the squeeze, from 1, within the part
+    number: int  # number of the squeeze, from 1, within the part
     again: bool  # whether the squeeze is repeated
 
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
-    """Request to raise the force to that of the node, and to read again.
+    """Request to raise the force to the node's force, and to read again.
 
-    It follows a reading that no branch has, or after which the part will be dragged.
+    The request follows a reading that no branch has, or after which the part will be dragged.
     """
 
 
@@ -47,9 +47,9 @@ class Tighten:
 class Release:
     """Request to record the squeeze and its decision, drag the part to `point`, and release it."""
 
-    index: int  # of the node
+    index: int  # index of the node
     node: Node
-    steps: tuple[Step, ...]  # of the part so far, including the decided one
+    steps: tuple[Step, ...]  # steps of the part so far, including the decided one
     point: Place | None  # None: the part is released where it is
     after: TraversalState  # state of the part after the step
     following: Node  # next node; the root where the part is done
@@ -140,7 +140,7 @@ def released(requests: Requests, request: Request, reading: Reading) -> Release:
 
 
 def _reason(state: TraversalState, steps: Sequence[Step]) -> str | None:
-    """Why a part did not end in a resolved leaf, None where it did."""
+    """Returns why a part did not end in a resolved leaf; None if it ended in one."""
     if state.outcome is Outcome.REJECT:
         return steps[-1].reason
     if state.outcome is Outcome.UNRESOLVED:

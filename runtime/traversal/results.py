@@ -33,13 +33,13 @@ EXIT_CODES = {
 class Step(NamedTuple):
     """One squeeze and its reading."""
 
-    number: int  # from 1, within the part
+    number: int  # number of the squeeze, from 1, within the part
     node: int  # index of the node
     squeeze: Squeeze  # command
     reading_um: int  # settled width as the gripper reads it
     width_um: int  # true width
     target: int | None  # >= 0 the next node, < 0 leaf ~target, None for REJECT
-    reason: str | None  # why it was rejected, or None
+    reason: str | None  # why the reading was rejected, or None
 
     def fields(self) -> dict[str, object]:
         """The step as fields of a journal record: with place and opening instead of the squeeze."""
@@ -54,25 +54,25 @@ class Step(NamedTuple):
 class PartResult:
     """Result of one part."""
 
-    part: int  # its number
+    part: int  # number of the part
     outcome: Outcome  # the outcome
-    steps: tuple[Step, ...]  # its squeezes, in order
+    steps: tuple[Step, ...]  # squeezes of the part, in order
     leaf: int | None  # index of the leaf reached, also if its delivery failed; or None
-    reason: str | None  # why it did not end in a resolved leaf, or None
+    reason: str | None  # why the part did not end in a resolved leaf, or None
     exit_code: int  # exit code of a run with this part only
     # results of the safe sequence, one sentence a step; empty without a fault
     safe_state: tuple[str, ...] = ()
-    audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
+    audit: str | None = None  # the audit's verdict: "pass", "fail" or "unknown"; None without
     delivery: str | None = None  # "done" or "missed", None without a delivery
-    # from the part's first motion to its outcome, delivery included; None where this was not measured
+    # seconds from the part's first motion to its outcome, with the delivery; None where not measured
     seconds: float | None = None
-    # of each squeeze; where the part was resumed after a crash, only of the squeezes since
+    # phases of each squeeze; where the part was resumed after a crash, only of the squeezes since
     phases: tuple[Phases, ...] = ()
     turn_urad: int = 0  # angle by which the part's plan was turned about the origin
 
     @classmethod
     def of(cls, part: int, outcome: Outcome, steps: Sequence[Step], reason: str | None) -> Self:
-        """Builds the result of a part; the leaf is that of the last step."""
+        """Builds the result of a part; the leaf is the target of the last step."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target

@@ -17,7 +17,7 @@ def check(
     """Checks that the reference tags are where they were at the calibration.
 
     Args:
-        references: tags and places at the calibration; empty: nothing is checked.
+        references: tags with their places at the calibration; empty: nothing is checked.
         seen: all tags in the picture.
         view: view of the calibration.
         limit_mm: largest tolerated motion.

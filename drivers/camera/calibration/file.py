@@ -46,17 +46,17 @@ class Trust:
 class CameraCalibration:
     """Calibration of one camera at one place."""
 
-    camera: str  # its name or serial number, as the operator gave it
-    date: str  # of the calibration, ISO 8601
+    camera: str  # name or serial number of the camera, as the operator gave it
+    date: str  # date of the calibration, ISO 8601
     view: View  # lens and pose in the arm's world frame
     rms_px: float  # rms reprojection error over the board views
     alignment_mm: float  # rms distance of touched and seen places; 0 without touched poses
     trust: Trust  # uncertainty of places
     references: tuple[Reference, ...] = ()  # fixed tags
-    views: int = 0  # number of board views it was fitted to
+    views: int = 0  # number of board views that the calibration was fitted to
 
     def check_size(self, shape: tuple[int, ...]) -> None:
-        """Checks a picture's rows and columns; raises PictureError where they are not this camera's."""
+        """Checks a picture's rows and columns; raises PictureError if they differ from this camera's."""
         lens = self.view.lens
         if tuple(shape[:2]) != (lens.height, lens.width):
             raise PictureError(

@@ -33,7 +33,7 @@ class Fitted(NamedTuple):
     """A calibration, and the data that it is based on."""
 
     calibration: CameraCalibration  # the calibration
-    residuals: Residuals  # of boards on the table
+    residuals: Residuals  # residuals of boards on the table
     views: list[BoardView]  # all views of the board, those on the table first
     left_out: list[str]  # pictures in which the board is not seen
 
@@ -41,13 +41,13 @@ class Fitted(NamedTuple):
 class Pictures(NamedTuple):
     """The pictures that a camera is calibrated from, and what they show."""
 
-    held: Sequence[Path]  # of the board held before the camera
-    table: Sequence[Path]  # of the board on the table; the first one gives the frame
-    touched: Sequence[Touched]  # of the part's tag; empty: the board's frame is the world
-    references: Path | None  # of the fixed tags, None: none
+    held: Sequence[Path]  # pictures of the board held before the camera
+    table: Sequence[Path]  # pictures of the board on the table; the first one gives the frame
+    touched: Sequence[Touched]  # pictures of the part's tag; empty: the board's frame is the world
+    references: Path | None  # picture of the fixed tags; None: there is none
     number: int  # id of the part's tag
     from_below: bool  # whether the camera looks up through the table
-    height_mm: float  # of the board's face above the table
+    height_mm: float  # height of the board's face above the table
 
 
 def calibrate(camera: str, date: str, board: Board, pictures: Pictures) -> Fitted:
@@ -55,9 +55,9 @@ def calibrate(camera: str, date: str, board: Board, pictures: Pictures) -> Fitte
 
     Args:
         camera: name or serial number of the camera.
-        date: of the calibration, ISO 8601.
+        date: date of the calibration, ISO 8601.
         board: the printed board.
-        pictures: of the board and of the tags.
+        pictures: pictures of the board and of the tags.
 
     Raises:
         InputError: a picture cannot be read, or the pictures do not suffice for a reliable calibration.
@@ -90,7 +90,7 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
     """Measures where a tag is on its part, from pictures of the part at known poses.
 
     Args:
-        calibration: of the camera.
+        calibration: the camera's calibration.
         tag: the tag, with its pose on the part set to zero.
         touched: the part's poses, and their pictures.
 
@@ -153,7 +153,7 @@ def load_picture(path: Path) -> Picture:
 
     Raises:
         InputError: the file cannot be read.
-        PictureError: it is not a picture.
+        PictureError: the file is not a picture.
     """
     try:
         return decoded(path.read_bytes(), str(path))

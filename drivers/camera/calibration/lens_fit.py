@@ -14,7 +14,7 @@ from runtime.shell.errors import InputError
 LEAST_VIEWS = 8
 LARGEST_RMS_PX = 0.5
 LARGEST_VIEW_RMS_PX = 1.0
-LARGEST_FOCAL_SIGMA = 0.005  # share of the focal length
+LARGEST_FOCAL_SIGMA = 0.005  # standard deviation, as a share of the focal length
 # Extent of the four corners of a picture, as a share of its width and height; in each a board must be seen.
 CORNER_SHARE = 0.22
 INTRINSICS = 9
@@ -25,8 +25,8 @@ class LensFit(NamedTuple):
 
     lens: Lens  # the lens
     pose: Array  # (6,) rotation vector and translation of the first board in the camera, rad and mm
-    rms_px: float  # over all corners of all views, both coordinates together
-    covariance: Array  # (15, 15) of the nine intrinsics and of the pose
+    rms_px: float  # residual over all corners of all views, both coordinates together
+    covariance: Array  # (15, 15) covariance of the nine intrinsics and the pose
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
@@ -35,7 +35,8 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     `size` is width and height of the pictures, in pixels.
 
     Raises:
-        InputError: too few views, a corner of the picture that no view covers, large residuals, little tilt.
+        InputError: there are too few views or too little tilt, no view covers a corner of the picture, or
+            residuals are large.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]
@@ -64,8 +65,8 @@ def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
 
     Args:
         lens: the lens.
-        pose: (6,) of the board in the camera: rotation vector and translation, rad and mm.
-        points: (n, 3) mm, in the board's frame.
+        pose: (6,) pose of the board in the camera: rotation vector and translation, rad and mm.
+        points: (n, 3) points in the board's frame, mm.
 
     Returns:
         (2 n, 15): columns of the intrinsics, of the rotation vector (rad) and of the translation (mm).

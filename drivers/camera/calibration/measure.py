@@ -20,11 +20,11 @@ LARGEST_SCALE_ERROR = 0.02  # greatest relative error of the measured size of a 
 
 
 class Measured(NamedTuple):
-    """A part as measured by the camera."""
+    """Pose of a part as the camera measured it, with standard deviations."""
 
     pose: Pose2  # x, y, theta of the part: mm, mm, rad
-    sigma_mm: float  # standard deviation of its place
-    sigma_rad: float  # standard deviation of its angle
+    sigma_mm: float  # standard deviation of the part's place
+    sigma_rad: float  # standard deviation of the part's angle
     tag: Sighting  # the tag in the picture
 
 
@@ -35,12 +35,12 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measures the part's pose by its tag, which has to be the only tag in view beside the fixed ones.
+    """Measures the part's pose by its tag, which has to be the only tag in view beside the fixed tags.
 
     Args:
-        picture: (h, w), to explain a tag that is not seen.
-        seen: all tags found in it.
-        calibration: of the camera.
+        picture: the picture (h, w), to explain a tag that is not seen.
+        seen: all tags in the picture.
+        calibration: the camera's calibration.
         tag: the part's tag.
         near: expected pose of the part, to explain a tag that is not seen.
 

@@ -24,10 +24,10 @@ GRID = (17, 11)  # grid of the uncertainty, across and down the picture
 
 
 class Residuals(NamedTuple):
-    """Fitted corners of boards on the table, and how far the camera measures each from there."""
+    """Fitted corners of boards on the table, and the deviations of the measured corners from these."""
 
-    places: Array  # (n, 2) mm
-    off: Array  # (n, 2) mm
+    places: Array  # (n, 2) fitted corners, mm
+    off: Array  # (n, 2) deviations of the measured corners, mm
 
     @property
     def rms_mm(self) -> float:
@@ -42,9 +42,9 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 
     Args:
         lens: the lens.
-        pose: (6,) of the board in the camera: rotation vector and translation, rad and mm.
+        pose: (6,) pose of the board in the camera: rotation vector and translation, rad and mm.
         from_below: whether the camera looks up through the table, at a board that lies face down.
-        height_mm: of the board's face above the table.
+        height_mm: height of the board's face above the table.
     """
     turn, _ = cv2.Rodrigues(np.asarray(pose[:3], np.float64))
     # A board's third axis points away from its reader: up if it lies face down.
@@ -110,12 +110,12 @@ def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """Computes the standard deviation of measured places on a grid over the visible part of the table.
 
     While lens and pose of the camera vary by their covariance, a fixed pixel shows varying places on the
-    table; the standard deviation of these, in the worst direction, is the result.
+    table; the result is the standard deviation of these places in the worst direction.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.
-        view: of the camera in the arm's world.
-        height_mm: of the board's face above the table.
+        view: view of the camera in the arm's world.
+        height_mm: height of the board's face above the table.
         world: pose of the arm's world in the board's frame.
 
     Raises:

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.camera.vision.arrays import Array, Picture
 from runtime.shell.errors import InputError
 
-LEAST_CORNERS = 12  # of a view
+LEAST_CORNERS = 12  # least corners of a view
 NOTHING = np.zeros(0), np.zeros((0, 2))
 # Half the window for refining a corner, in fields; markers leave an eighth of a field free.
 WINDOW_SQUARES = 0.11
@@ -18,10 +18,10 @@ WINDOW_SQUARES = 0.11
 class BoardView(NamedTuple):
     """Corners of a board that were found in one picture."""
 
-    name: str  # of the picture
+    name: str  # name of the picture
     # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
     points: Array
-    pixels: Array  # (n, 2) where they are seen
+    pixels: Array  # (n, 2) pixels at which the corners are seen
 
 
 @dataclass(frozen=True, slots=True)

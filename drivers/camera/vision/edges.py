@@ -11,20 +11,20 @@ import numpy as np
 
 from drivers.camera.vision.arrays import Array, Mask, Picture
 
-PROFILES = 28  # along a side
-INSET = 0.10  # of a side, left out at each end, where profiles meet the next side
-STEP_PX = 0.25  # along a profile
-REACH_SQUARES = 0.95  # of a profile to either side of the edge
+PROFILES = 28  # number of profiles along a side
+INSET = 0.10  # share of a side, left out at each end, where profiles meet the next side
+STEP_PX = 0.25  # distance of samples along a profile
+REACH_SQUARES = 0.95  # length of a profile to either side of the edge, in squares
 WINDOW_SQUARES = 0.55
 ROUNDS = 3
 RECENTRINGS = 3
-LEAST_CONTRAST = 12.0  # grey levels, from black to white
+LEAST_CONTRAST = 12.0  # least difference of black and white, grey levels
 OUTLIER_PX = 0.25
-LEAST_SHARE = 0.5  # of the profiles of a side
+LEAST_SHARE = 0.5  # least share of the profiles of a side that show an edge
 
 
 class Corners(NamedTuple):
-    """Refined corners."""
+    """Refined corners of a tag, and how well lines fit its edges."""
 
     pixels: Array  # (4, 2) in the order of the input
     rms_px: float  # rms distance of the edge points from their lines
@@ -133,7 +133,7 @@ def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] 
 
 
 def _crossings(origins: Array, headings: Array) -> Array:
-    """Intersects each side's line with that of the side before it; returns the corners, (4, 2)."""
+    """Intersects each side's line with the line of the side before; returns the corners, (4, 2)."""
     before, turned = np.roll(origins, 1, axis=0), np.roll(headings, 1, axis=0)
     gap = before - origins
     bend = headings[:, 0] * turned[:, 1] - headings[:, 1] * turned[:, 0]

@@ -33,8 +33,8 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
     """Returns the message for a tag that is not seen.
 
     Args:
-        picture: (h, w).
-        view: of the camera.
+        picture: the picture, (h, w) grey levels.
+        view: view of the camera.
         tag: the part's tag.
         expected: expected pose of the tag, if known: mm, mm, rad.
     """

@@ -18,8 +18,8 @@ UNMOVED = np.zeros(3)
 class Lens:
     """Intrinsic parameters of a camera; projects rays to pixels and back."""
 
-    width: int  # of the picture, pixels
-    height: int  # of the picture, pixels
+    width: int  # width of the picture, pixels
+    height: int  # height of the picture, pixels
     focal: tuple[float, float]  # fx, fy, pixels
     centre: tuple[float, float]  # cx, cy, pixels
     distortion: tuple[float, float, float, float, float]  # k1, k2, p1, p2, k3

@@ -56,7 +56,7 @@ class View:
         return self.pixels(np.column_stack([places, np.full(len(places), height_mm)]))
 
     def moved(self, pose: Pose2) -> "View":
-        """The same view in another world frame, given by its pose (mm, mm, rad) in the present one."""
+        """The same view in another world frame, whose `pose` (mm, mm, rad) is given in the present frame."""
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         shift = np.array([pose[0], pose[1], 0.0])

@@ -15,8 +15,8 @@ from drivers.errors import PictureError, shown
 from runtime.shell.errors import UnreachableError
 
 FRESH_FRAMES = 2  # `Stream.picture` returns the second frame from its call on
-POLL_S = 0.005  # between two looks into a folder
-RETRY_S = 1.0  # between two attempts to open a camera
+POLL_S = 0.005  # time between two looks into a folder
+RETRY_S = 1.0  # time between two attempts to open a camera
 MAX_PICTURE_BYTES = 64 << 20
 KINDS = "name /dev/video0, rtsp://, http:// or a folder of pictures"
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
@@ -30,7 +30,7 @@ class Source:
 
         Raises:
             UnreachableError: no picture arrives by `until` (`time.monotonic`).
-            PictureError: what arrives is no picture.
+            PictureError: the data that arrives is no picture.
         """
         raise NotImplementedError
 

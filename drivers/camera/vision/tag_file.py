@@ -20,7 +20,7 @@ class PartTag:
 
     part: str  # name of the part
     number: int  # the tag's id
-    side_mm: float  # edge of its black border
+    side_mm: float  # edge of the tag's black border
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
     height_mm: float = 0.0  # height of the tag's face above the table
     sigma_mm: float = 0.0  # standard deviation of `on_part`'s place

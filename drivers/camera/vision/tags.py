@@ -16,7 +16,7 @@ from drivers.camera.vision import edges
 from drivers.camera.vision.arrays import Array, Picture
 
 FAMILY = "36h11"
-SQUARES = 8  # of a 36h11 tag along a side, its black border included
+SQUARES = 8  # squares along a side of a 36h11 tag, its black border included
 RIM = 24  # padding in pixels, since tags near the edge of a picture are missed otherwise
 OTHER_FAMILIES: dict[str, int] = {
     "25h9": cv2.aruco.DICT_APRILTAG_25h9,
@@ -32,7 +32,7 @@ OTHER_FAMILIES: dict[str, int] = {
 class Sighting(NamedTuple):
     """A tag in a picture."""
 
-    number: int  # its id
+    number: int  # id of the tag
     corners: Array  # (4, 2) pixels: upper left, upper right, lower right, lower left of the print
     rms_px: float  # rms distance of the edge points from the straight sides
 
@@ -55,7 +55,7 @@ def families_seen(picture: Picture) -> list[str]:
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
     """Detects tags; returns the id and the coarse corners (4, 2) of each.
 
-    OpenCV 4 and 5 return corners of different shapes, and None where there are no tags.
+    OpenCV 4 and 5 return arrays of corners of different shapes, and None if there are no tags.
     """
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
     padded = cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)

@@ -72,8 +72,8 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
     Args:
         rig: the camera and its tags.
         folder: receives the pictures and the tables of poses.
-        seed: of the noise, the held boards and the errors of the arm.
-        names: of the parts, if there are several.
+        seed: seed of the noise, the held boards and the errors of the arm.
+        names: names of the parts, if there are several.
 
     Raises:
         OutputError: a file cannot be written.

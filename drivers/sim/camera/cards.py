@@ -20,8 +20,8 @@ class Card:
     cell_mm: float  # edge of a square
     margin_mm: float  # white border around the squares
     centre_mm: Array  # (3,) middle of the grid in the world
-    right: Array  # (3,) unit vector along which its rows run
-    down: Array  # (3,) unit vector along which its columns run
+    right: Array  # (3,) unit vector along which the card's rows run
+    down: Array  # (3,) unit vector along which the card's columns run
     # (3,) motion during the exposure
     speed_mm: Array = field(default_factory=lambda: np.zeros(3))
     tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 15  # of the inverse distortion; the last one moves a ray by less than 1e-7 pixels
+ITERATIONS = 15  # steps of the inverse distortion; the last moves a ray by less than 1e-7 pixels
 
 
 @dataclass(frozen=True, eq=False)
 class Optics:
     """A pinhole camera with lens distortion, above or below the table."""
 
-    width: int  # of the picture, pixels
-    height: int  # of the picture, pixels
+    width: int  # width of the picture, pixels
+    height: int  # height of the picture, pixels
     focal: float  # pixels, the same both ways
     centre: tuple[float, float]  # principal point, pixels; the centre of the first pixel is (0, 0)
     # k1, k2, p1, p2, k3 as OpenCV numbers them

@@ -2,7 +2,7 @@
 
 A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, just as a pixel of a sensor
 averages the light on its area. An edge is therefore accurate to about a hundredth of a pixel, and larger
-errors are those of the measurement.
+errors come from the measurement.
 """
 
 from collections.abc import Iterator, Sequence
@@ -44,7 +44,7 @@ def render(
     Args:
         optics: the camera.
         cards: the visible cards; a later one covers an earlier one.
-        flaws: of lens, light, sensor and compression.
+        flaws: flaws of lens, light, sensor and compression.
         rng: draws the noise.
 
     Returns:
@@ -63,14 +63,14 @@ def render(
 
 
 def compressed(picture: Picture, quality: int) -> Picture:
-    """The picture after JPEG compression."""
+    """Returns the picture after JPEG compression."""
     decoded = cv2.imdecode(np.frombuffer(jpeg(picture, quality), np.uint8), cv2.IMREAD_GRAYSCALE)
     assert decoded is not None
     return np.asarray(decoded, np.uint8)
 
 
 def jpeg(picture: Picture, quality: int) -> bytes:
-    """The picture as a JPEG file."""
+    """Returns the bytes of the picture as a JPEG file."""
     _, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return bytes(coded.tobytes())
 
@@ -100,7 +100,7 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
 
 
 def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
-    """Tones at points (along, across) [mm] of a card's plane: those of the card, or `behind` outside it."""
+    """Returns the tones of a card at points (along, across) [mm] of its plane; `behind` outside the card."""
     rows, columns = card.cells.shape
     column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
     row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)

@@ -23,7 +23,7 @@ class Rig:
     """The camera and everything in its view except the part."""
 
     optics: Optics  # the camera
-    flaws: Flaws  # of its pictures
+    flaws: Flaws  # flaws of the camera's pictures
     # Id of the part's tag. With several parts, their tags have consecutive ids from this one on.
     number: int = 7
     side_mm: float = 22.0  # edge of the tags' black borders
@@ -36,9 +36,9 @@ class Rig:
         return bool(self.optics.eye_mm[2] < 0.0)
 
     def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
-        """Cards of all tags: the fixed ones, and that on the part, if its pose is given.
+        """Cards of all tags: the fixed tags, and the part's tag, if the pose of the part is given.
 
-        `number` is the id of the part's tag; by default that of the rig.
+        `number` is the id of the part's tag; by default the id that the rig states.
         """
         laid = list(self.references)
         if part is not None:
@@ -50,7 +50,7 @@ class Rig:
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """Returns a function that renders the view `look()` as a JPEG file; `seed` is of the noise."""
+        """Returns a function that renders the view `look()` as a JPEG file, with noise by `seed`."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # computed once, before the first request

@@ -12,7 +12,7 @@ from drivers.sim.devices import rapid
 from drivers.sim.faults import Channel, Desk, Listed
 
 ACCEPT_S = 0.5  # WaitTime after SocketAccept in ServerCreateAndConnect
-MAX_STRING = 80  # SocketReceive \Str accepts so much at once
+MAX_STRING = 80  # most characters that SocketReceive \Str accepts at once
 MAX_BUFFER = 512
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
@@ -38,7 +38,7 @@ class Answer(NamedTuple):
     text: str | None  # what is sent; None: nothing, the server disconnects
     ready_s: float  # time of the answer; infinity: never, RAPID execution has stopped
     broken: bool = False  # the connection breaks at once, the motion goes on
-    before: str = ""  # sent first, though it answers nothing
+    before: str = ""  # text that is sent first, though it answers nothing
 
 
 class Leg(NamedTuple):
@@ -54,12 +54,12 @@ class Leg(NamedTuple):
     brakes: bool = False  # whether it starts at full speed and decelerates all the way
 
     def at(self, now_s: float) -> Pose:
-        """Pose of the flange."""
+        """Returns the pose of the flange at a time."""
         share = self.share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
-        """Joints in degrees, whole turns counted."""
+        """Returns the joints at a time, in degrees, whole turns counted."""
         share = self.share(now_s)
         if share == 1.0:
             return self.ends_deg
@@ -91,9 +91,10 @@ class ArmModel:
 
     Args:
         base: the arm's base frame in the world.
-        acceleration: of straight motions, mm/s2 and deg/s2; None: the arm reaches its speed at once.
-        desk: gives the current faults; None: never any.
-        seed: of displacements of the hand.
+        acceleration: acceleration of straight motions, mm/s2 and deg/s2; None: the arm reaches its speed at
+            once.
+        desk: gives the current faults; None: there are no faults.
+        seed: seed of displacements of the hand.
     """
 
     def __init__(
@@ -105,7 +106,7 @@ class ArmModel:
     ) -> None:
         self._acceleration = acceleration
         self._desk, self._rng = desk or Desk(Listed()), random.Random(f"{seed}/arm")
-        self.halted = ""  # why RAPID execution has stopped; empty: it has not
+        self.halted = ""  # why RAPID execution has stopped; empty: it runs
         self.moves = 0  # number of motions so far
         self._base = base
         self._message = rapid.Message()
@@ -126,7 +127,7 @@ class ArmModel:
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
-        """The joints in degrees, whole turns counted."""
+        """Returns the joints at a time, in degrees, whole turns counted."""
         return self._leg(now_s).joints_at(now_s)
 
     def frames(self, tool: Pose, work_object: Pose) -> None:
@@ -134,7 +135,7 @@ class ArmModel:
         self._tool, self._work_object = _unit(tool), _unit(work_object)
 
     def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
-        """Moves in a straight line to a fine point, at mm/s and deg/s; returns the time of arrival.
+        """Moves in a straight line to a fine point, at speeds in mm/s and deg/s; returns the time of arrival.
 
         Raises:
             HaltError: the arm cannot move there, or a speed is not positive.
@@ -181,7 +182,7 @@ class ArmModel:
         """Executes one received string; does nothing after the program has halted.
 
         Raises:
-            RapidError: too many parameters, for which the server disconnects and listens again.
+            RapidError: there are too many parameters, for which the server disconnects and listens again.
         """
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
@@ -284,7 +285,7 @@ class ArmModel:
         """Adds a straight motion that starts at `now_s`; returns the time of its end.
 
         Raises:
-            HaltError: a point of it is out of reach, or beyond the limits of a joint.
+            HaltError: a point of the motion is out of reach, or beyond the limits of a joint.
         """
         here, joints = self.flange_at(now_s), self.joints_at(now_s)
         ends = joints
@@ -322,7 +323,7 @@ class ArmModel:
 
         Args:
             ways: length of the path and angle of the turn, mm and deg.
-            speeds: of path and turn, mm/s and deg/s.
+            speeds: speeds of path and turn, mm/s and deg/s.
         """
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0

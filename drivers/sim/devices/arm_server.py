@@ -20,7 +20,7 @@ class ArmServer:
 
     Args:
         model: the arm.
-        site: where it is served.
+        site: simulated time and event loop.
         executed: called after each finished instruction.
     """
 
@@ -66,7 +66,7 @@ class ArmServer:
     ) -> bool:
         """Waits until the instruction is over, and sends its acknowledgement.
 
-        It never returns if the instruction stopped RAPID execution.
+        The function never returns if the instruction stopped RAPID execution.
 
         Returns:
             Whether the client stays connected.
@@ -95,10 +95,10 @@ def open_logger(model: ArmModel, site: Site) -> str:
 
     Args:
         model: the arm.
-        site: where it is served.
+        site: simulated time and event loop.
 
     Returns:
-        Its address.
+        The address of the port.
     """
     # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")

@@ -1,6 +1,6 @@
 """A gripper of DH-Robotics' AG or PGC series as a state machine over simulated time; no I/O, no clock.
 
-The registers are those of `drivers.dh.registers`. Where the manuals are unclear, the device behaves
+`drivers.dh.registers` lists the registers. Where the manuals are unclear, the device behaves
 adversely, so that a driver relies on no assumption: the grip state follows a command late, and a value out of
 range gets no answer.
 """
@@ -35,7 +35,7 @@ DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest
 class DhModel(Fingers):
     """A DH gripper from power-up on. Times are simulated seconds and never go back.
 
-    It has no fault register, so gFLT faults do not apply.
+    The gripper has no fault register, so gFLT faults do not apply.
     """
 
     MODEL = MODEL
@@ -100,7 +100,7 @@ class DhModel(Fingers):
     def _initialise(self, how: int) -> None:
         """Starts the initialisation: the fingers search for one end stop or, to learn the stroke, for both.
 
-        `how` is the value written to the register; `INITIALISE` is the search for one.
+        `how` is the value written to the register; `INITIALISE` is the search for one end stop.
         """
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)
@@ -151,7 +151,7 @@ class DhRegisters:
         self._now = now
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether these registers exist."""
+        """Whether the gripper has these registers."""
         return READABLE.issuperset(range(address, address + count))
 
     def read(self, address: int, count: int) -> bytes:

@@ -23,7 +23,7 @@ class Urcap:
     line_end: bytes = b"\n"
 
     def answer(self, line: bytes) -> bytes:
-        """The answer to one line."""
+        """Returns the answer to one line."""
         match line.decode("latin-1").split():
             case ["GET", name] if name in READ:
                 fields = unpack(INPUT_FIELDS, self.device.read_input(self.now()))

@@ -47,14 +47,14 @@ class Stroke(NamedTuple):
         return self.start_s + (abs((self.stop - self.start) / self.rate) if self.rate else 0.0)
 
     def at(self, now_s: float) -> float:
-        """Position of the fingers."""
+        """Returns the position of the fingers at a time."""
         return self.stop if now_s >= self.end_s else self.start + self.rate * (now_s - self.start_s)
 
 
 class ObjectFlag(NamedTuple):
     """The object state that a register shows during a stroke: it follows the fingers with a lag.
 
-    It is `old` until `moving_s`, then `OBJ_MOVING`, and `outcome` from `outcome_s` on.
+    The state is `old` until `moving_s`, then `OBJ_MOVING`, and `outcome` from `outcome_s` on.
     """
 
     old: int
@@ -78,13 +78,13 @@ class Fingers(ABC):
     Args:
         rng: draws the lags.
         surroundings: what the fingers may meet; None: nothing.
-        profile: of the model; None: that of `MODEL`.
-        desk: gives the current faults; None: never any.
+        profile: profile of the model; None: the profile of `MODEL`.
+        desk: gives the current faults; None: there are no faults.
     """
 
     MODEL: str
     CLOSING = -1.0
-    CYCLE_S = 0.005  # between two refreshes of the registers
+    CYCLE_S = 0.005  # time between two refreshes of the registers
     LAG_CYCLES = (1, 5)  # lag of a state behind its cause
 
     def __init__(
@@ -98,7 +98,7 @@ class Fingers(ABC):
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._desk = desk or Desk(Listed())
-        self._faults: list[Fault] = []  # at the last event
+        self._faults: list[Fault] = []  # faults in effect at the last event
         self._last: int | None = None  # last position read, for a frozen reading
         self._now = self._shown_s = 0.0
         self._begin()
@@ -127,11 +127,11 @@ class Fingers(ABC):
 
     @abstractmethod
     def _arrived(self) -> None:
-        """Called when a stroke has ended; a make continues what it was doing."""
+        """Called when a stroke has ended; the model of a make then continues its current procedure."""
 
     @abstractmethod
     def _dropped(self) -> None:
-        """Called when the held part has slipped out; in a make, the fingers then go on closing."""
+        """Called when the held part has slipped out; the model of a make then closes the fingers further."""
 
     @abstractmethod
     def _forget(self) -> None:
@@ -188,7 +188,7 @@ class Fingers(ABC):
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
         """Returns the position that the device reports for a true one: changed by the current faults, if any.
 
-        Positions are from 0 to `most`; the values of the faults are in 255ths of it.
+        Positions are from 0 to `most`; the values of the faults are in 255ths of `most`.
         """
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in self._faults}
         if "count_frozen" not in values or self._last is None:

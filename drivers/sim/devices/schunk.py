@@ -24,8 +24,8 @@ class Module(NamedTuple):
     """Read-only parameters of one model, in addition to its profile."""
 
     module_type: int
-    grip_mm_s: float  # with 100 percent of the force
-    allowed_n: float  # of a StrongGrip; 0: it has none
+    grip_mm_s: float  # velocity of a grip with 100 percent of the force
+    allowed_n: float  # largest force of a StrongGrip; 0: the module has none
     mass_kg: float
 
 
@@ -64,7 +64,7 @@ class SchunkModel(Fingers):
         self.module = MODULES[self.profile.model]
         self.written: list[str] = []  # names of parameters written so far
         self._heard_s = 0.0
-        self._outcome = REACHED  # of the current motion
+        self._outcome = REACHED  # outcome of the current motion
         self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
@@ -155,7 +155,7 @@ class SchunkModel(Fingers):
         return Input(status, stroke_um - closed_um, 0, self._error, self._warning, self._additional)
 
     def _message(self) -> str:
-        """The message that `sys_msg_req` selects, 0 the newest; empty without one."""
+        """Returns the message that `sys_msg_req` selects (0: the newest), or an empty text."""
         wanted = int(self._settings["sys_msg_req"][0])
         return self._messages[-1 - wanted] if wanted < len(self._messages) else ""
 
@@ -353,7 +353,7 @@ class SchunkRegisters:
         self._now = now
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether the registers are those of one whole parameter."""
+        """Whether the registers are exactly the registers of one parameter."""
         parameter = _BY_ADDRESS.get(address)
         return parameter is not None and parameter.registers == count
 

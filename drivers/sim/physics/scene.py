@@ -38,9 +38,9 @@ class Geometry(NamedTuple):
     retreat_height_mm: float
     radius_mm: float  # greatest distance of a new part from the origin
     halfwidth_rad: float  # greatest angle of a new part, to either side
-    height_mm: float | None = None  # of the part
-    acceleration_mm_s2: float | None = None  # of the arm; None: it reaches its speed at once
-    turn_radius_mm: float = TURN_RADIUS_MM  # radius that converts it to the acceleration of a turn
+    height_mm: float | None = None  # height of the part
+    acceleration_mm_s2: float | None = None  # None: the arm reaches its speed at once
+    turn_radius_mm: float = TURN_RADIUS_MM  # radius that converts an acceleration to a turn's
 
     @property
     def opening_mm(self) -> float:
@@ -178,7 +178,7 @@ def job_geometry(job: Any) -> Geometry:
 
 
 def _height_mm(job: Any) -> float | None:
-    """Height of the highest part that may be on the table, mm; None if the height of one is unknown."""
+    """Height of the highest part that may be on the table, mm; None if the height of a part is unknown."""
     heights = [alone.part.height_mm for alone in job.alone]
     return None if None in heights else max(heights)
 

@@ -80,7 +80,7 @@ class Scene(Feeder):
         return {name: math.nan if value is None else value for name, value in said.items()}
 
     def _line(self) -> bytes:
-        """Receives one answer.
+        """Receives one answer, and returns it.
 
         Raises:
             TimeoutError: the answer is not complete within `ANSWER_S`.

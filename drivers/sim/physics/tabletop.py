@@ -30,7 +30,7 @@ class TableTop:
 
     Args:
         setting: part and world.
-        seed: of parts, world and encoder noise.
+        seed: seed of parts, world and encoder noise.
         desk: gives the faults of the part; a closing of the jaws is one event.
     """
 
@@ -117,7 +117,7 @@ class TableTop:
 
         Args:
             start: grasp pose before the motion.
-            end: grasp pose after it.
+            end: grasp pose after the motion.
             opening_mm: opening of the jaws.
         """
         push = getattr(self._world, "push", None)
@@ -137,7 +137,7 @@ class TableTop:
             self.crashes += 1
 
     def truth(self) -> Truth:
-        """The ground truth."""
+        """Returns the ground truth about the part."""
         x, y, theta = map(float, self.pose) if self._setting.truthful else (math.nan,) * 3
         covered = self._desk.holds("camera_covered") is not None
         counts = self.squeezes, self.crashes

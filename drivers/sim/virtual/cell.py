@@ -23,7 +23,7 @@ class VirtualCell:
 
     Args:
         setting: part and world.
-        seed: of every draw.
+        seed: seed of every draw.
         faults: schedule of faults; None: no faults.
         overheard: receives each string for the arm's controller.
     """

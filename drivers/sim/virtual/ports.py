@@ -14,7 +14,7 @@ from drivers.sim.wire.rtu import RtuSlave
 from drivers.stream import port_error
 
 FRAME_GAP_S = 0.002  # silence that ends a frame (Modbus over serial line 1.02, 2.5.1.1: 1.75 ms)
-TURNAROUND_S = 0.001  # of the gripper, and of the network to the arm's controller
+TURNAROUND_S = 0.001  # response time of the gripper, and of the network to the arm's controller
 
 
 class VirtualPort:

@@ -16,7 +16,7 @@ NETWORK_BYTE_S = 8 / 100e6  # 100 Mbit/s
 
 
 class Piece(NamedTuple):
-    """Bytes that reach the host together, `delay_s` (simulated) later than without a fault."""
+    """Bytes that reach the host together, `delay_s` (simulated seconds) later than without a fault."""
 
     data: bytes
     delay_s: float = 0.0

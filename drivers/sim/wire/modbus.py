@@ -17,7 +17,7 @@ class Registers(Protocol):
     functions: frozenset[int]  # codes of the functions that it supports
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether these registers exist."""
+        """Whether the slave has these registers."""
 
     def read(self, address: int, count: int) -> bytes:
         """Reads `count` registers."""

@@ -21,9 +21,9 @@ class Slave:
     """A slave on a bus, fed with bytes as they arrive; frames for other units get no answer.
 
     Args:
-        registers: of the slave.
-        line: carries its frames.
-        unit: its slave id; by default the usual one of a Robotiq gripper.
+        registers: registers of the slave.
+        line: carries the slave's frames.
+        unit: slave id; by default the usual id of a Robotiq gripper.
     """
 
     gap_s: float | None = GAP_S
@@ -146,7 +146,7 @@ def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None)
 
     Args:
         slave: the device.
-        site: where it is served.
+        site: simulated time and event loop.
         left: called when a client has left.
     """
     turn = asyncio.Lock()
@@ -169,7 +169,7 @@ def open_pty(slave: RtuSlave, site: Site) -> str:
 
     Args:
         slave: the device.
-        site: where it is served.
+        site: simulated time and event loop.
     """
     ours, theirs = os.openpty()
     tty.setraw(theirs)

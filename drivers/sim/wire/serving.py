@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Self, TypeVar
 
 HOST = "127.0.0.1"
-MOST_BYTES = 4096  # of a line, where a port has no limit of its own
+MOST_BYTES = 4096  # longest line, where a port has no limit of its own
 Result = TypeVar("Result")
 Work = Callable[[], Coroutine[Any, Any, None]]
 Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]

@@ -21,7 +21,7 @@ LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to
 
 # ISO 216, A0 to A5
 SHEETS_MM = np.array([(841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210)])
-MARGINS_MM = 50.0  # of both sides: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
+MARGINS_MM = 50.0  # margins of both sides together: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
 
@@ -82,7 +82,7 @@ def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
 def choose(
     candidates: list[Contour], number: int | None, lost: Sequence[Lost]
 ) -> tuple[Contour, list[str]]:
-    """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
+    """Returns the contour `number`, from 1 (None: the only outer contour), and notes on the choice.
 
     Raises:
         UsageError: there is no such contour, or no number and several outer ones; lists them.
@@ -170,7 +170,8 @@ def _hull(points: Array) -> shapely.Geometry:
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     """Whether a ring around another one is the border of an ISO 216 sheet, with or without its margins.
 
-    The smallest such border is wider than any gripper opens: its shorter side is that of A5 less margins.
+    The smallest such border is wider than any gripper opens: its shorter side is A5's shorter side less
+    margins.
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
@@ -186,7 +187,7 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
 
 
 def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
-    """Returns the rings, without those that lie on an earlier one within the tolerance."""
+    """Returns the rings, without rings that lie on an earlier ring to within the tolerance."""
     lines = [shapely.LinearRing(ring.points) for ring in rings]
     boxes = shapely.bounds(lines)
     kept: list[int] = []

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1e3, 8: 25.4e-6, 9: 0.0254, 13: 1e-3, 14: 1e2}
 """Size in mm of the units that $INSUNITS states (Autodesk's DXF reference, HEADER); others suit no part."""
-MAX_DEPTH = 50  # of nested blocks
+MAX_DEPTH = 50  # most levels of nested blocks
 
 
 def read(data: bytes, options: pieces.Options) -> pieces.Pieces:

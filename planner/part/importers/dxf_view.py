@@ -58,7 +58,7 @@ class View(NamedTuple):
     """What a drawing shows: the curves that are read, and the shapes that are not."""
 
     curves: list[pieces.Curve]
-    lost: list[pieces.Lost]  # shown, but not read
+    lost: list[pieces.Lost]  # shapes that are shown, but not read
     notes: list[str]
 
 

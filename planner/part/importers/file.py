@@ -117,7 +117,7 @@ def _reading(path: Path) -> Iterator[list[str]]:
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads the outlines of a solid as it lies on each of its stable faces, the commonest face first.
 
-    The finger tips have the same height above the table for all faces: that of the options, or else
+    The finger tips have the same height above the table for all faces: the height in the options, or else
     `tips_mm(h)`, where h is the solid's height on the face on which it is lowest. Faces whose outlines look
     alike are merged.
 

@@ -1,6 +1,6 @@
 """KiCad footprints: the component's body as drawn on the fabrication layer of a `.kicad_mod` file.
 
-A footprint is one S-expression, read by sexpdata; its shapes are those of KiCad 5 (`module`) to 9.
+A footprint is one S-expression, read by sexpdata; the shapes of KiCad 5 (`module`) to 9 are known.
 """
 
 import cmath
@@ -29,7 +29,7 @@ class Expression(NamedTuple):
     """A list in a footprint's S-expression; its first element is its name."""
 
     name: str
-    values: list[object]  # the rest: words, texts, numbers and lists
+    values: list[object]  # the further elements: words, texts, numbers and lists
 
     def children(self) -> list["Expression"]:
         """The non-empty lists among the values."""
@@ -185,7 +185,7 @@ def _run(part: Expression, tolerance: float) -> Array:
 
 
 def _bezier(shape: Expression, tolerance: float) -> Array:
-    """A cubic Bezier curve of four points."""
+    """Converts a cubic Bezier curve with four control points to a polyline (n, 2)."""
     control = np.concatenate([part.first(2)[None] for part in shape.child("pts").children()])
     if len(control) != 4:
         raise ValueError(f"{len(control)} points of 4")

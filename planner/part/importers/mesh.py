@@ -35,9 +35,9 @@ def read(data: bytes, options: Options) -> Pieces:
 def lying(data: bytes, options: Options) -> list[Lying]:
     """Returns a solid on each facet of its convex hull that it can rest on, the commonest facet first.
 
-    The share of a facet is the solid angle that it subtends at the centre of mass, plus that of the facets
-    from which the solid tips over onto it. This is quasi-static: bouncing and rolling are ignored. Facets of
-    equal share are sorted by their direction.
+    The share of a facet is the solid angle that it subtends at the centre of mass, plus the solid angles of
+    the facets from which the solid tips over onto it. This is quasi-static: bouncing and rolling are ignored.
+    Facets of equal share are sorted by their direction.
 
     Raises:
         UsageError: trimesh is not installed, or the unit is not stated.

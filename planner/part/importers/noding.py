@@ -41,11 +41,11 @@ class Regions(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Free ends of chains: those that meet no other line."""
+    """Free ends of chains, which meet no other line."""
 
     points: Array  # (n, 2)
     chain: IntArray  # (n,) index of the chain that ends there
-    last: BoolArray  # (n,) whether it is the chain's last point
+    last: BoolArray  # (n,) whether the end is the chain's last point
 
 
 def regions(lines: Sequence[Array], join_mm: float) -> Regions:
@@ -96,7 +96,7 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
-    """The ends of chains where no other line ends; not those of overshoots of up to `join_mm`."""
+    """The ends of chains where no other line ends, except the ends of overshoots of up to `join_mm`."""
     points = shapely.get_coordinates([shapely.get_point(chains, index) for index in (0, -1)])
     chain = np.tile(np.arange(len(chains)), 2)
     last = np.repeat([False, True], len(chains))

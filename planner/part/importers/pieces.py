@@ -31,7 +31,7 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`; None: the unit that the file states
     contour: int | None = None  # number of the contour, from 1; None: the only outer one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = None  # of the tips beside a solid; None: `tips.tips_height_mm`
+    height_mm: float | None = None  # height of the tips beside a solid; None: `tips.tips_height_mm`
     layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
     scale: float | None = None  # mm of one unit, for drawings in pixels; instead of units
 
@@ -50,7 +50,7 @@ class Lost(NamedTuple):
     """A shape of a drawing that is not read and may be the part's outline."""
 
     what: str  # description and reason, for people
-    box: Array | None = None  # (2, 2) its least and largest corner [mm]; None: unknown
+    box: Array | None = None  # (2, 2) least and greatest coordinates [mm]; None: unknown
 
 
 class Pieces(NamedTuple):
@@ -59,7 +59,7 @@ class Pieces(NamedTuple):
     rings: list[Array]  # closed curves, each (n, 2), first point not repeated [mm]
     strokes: list[Array]  # open curves, each (n, 2) [mm]
     notes: list[str]  # notes on the drawing, one sentence each
-    layers: tuple[str, ...]  # of each ring, then of each stroke; "" in formats without layers
+    layers: tuple[str, ...]  # layer of each ring, then of each stroke; "" in formats without layers
     height_mm: float | None = None  # height of a solid; None for a drawing
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 

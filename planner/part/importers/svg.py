@@ -1,7 +1,7 @@
 """Reads SVG drawings as a viewer shows them: resolves transforms and copies (`use`).
 
-The file is parsed by defusedxml, which refuses entities. The y axis of the picture points down, that of the
-part up.
+The file is parsed by defusedxml, which refuses entities. The y axis of the picture points down, the y axis of
+the part points up.
 """
 
 from xml.etree import ElementTree as Tree
@@ -110,7 +110,7 @@ def _states_lengths(root: Tree.Element) -> bool:
 
 
 def _curves(scene: Scene, scale: float, tolerance_mm: float) -> list[Array]:
-    """All shapes as polylines (n, 2) [mm]."""
+    """Returns all shapes as polylines (n, 2) [mm]."""
     curves: list[Array] = []
     try:
         for kind, values, matrix, window in scene.shapes():

@@ -32,7 +32,7 @@ class Shape(NamedTuple):
 
     kind: str  # one of `SHAPES`
     values: Values
-    matrix: Array  # (3, 3) from the user units of the shape to those of the drawing
+    matrix: Array  # (3, 3) from the user units of the shape to the drawing's
     window: shapely.Geometry | None  # visible window in the drawing's user units; None: all
 
 
@@ -183,6 +183,6 @@ class Scene:
             raise pieces.too_much(f"draws more than {shapes}")
 
     def _kind(self, element: Element) -> str:
-        """The name of an element without its namespace; "" if this is not that of the root."""
+        """The name of an element without its namespace; "" if the root has another namespace."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""

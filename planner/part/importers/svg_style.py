@@ -45,7 +45,7 @@ class Sheets:
         self._wrappers = {wrapper.etree_element: wrapper for wrapper in every}
 
     def style(self, element: Tree.Element, parent: Style) -> Style:
-        """The properties of an element, with those that it inherits from the style `parent`."""
+        """The properties of an element, some of them inherited from the style `parent`."""
         rules = self._matcher.match(self._wrappers[element]) if self._wrappers else ()
         sheet = [declaration for *_, content in rules for declaration in content]
         inline = _declarations(element.get("style", ""))

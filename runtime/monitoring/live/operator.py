@@ -40,7 +40,7 @@ KINDS = {
 HEADS = ("part", "outcome", "lies at", "squeezes", "seconds", "audit", "why")
 CHANGE = (Path(__file__).parent / "templates" / "change.html").read_text("utf-8")
 NONE = "\N{EN DASH}"
-Outlines = list[list[list[float]]]  # of each part that may lie there (n, 2) [mm]; empty if unknown
+Outlines = list[list[list[float]]]  # outlines (n, 2) of each possible part [mm]; empty if unknown
 
 
 def state(seen: Mapping[str, Any]) -> str:

@@ -26,7 +26,7 @@ class Parts(NamedTuple):
     """Names and outlines of the parts of a table, from the job inside it."""
 
     name: str  # the names joined by "or"; "Decision table" if unknown
-    outlines: list[list[list[float]]]  # of each (n, 2) [mm], empty if unknown
+    outlines: list[list[list[float]]]  # outline (n, 2) of each part [mm]; empty if unknown
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:

@@ -50,7 +50,7 @@ def parse(text: str, option: str = "--http") -> Address:
     """Parses an address in the form of an option.
 
     Raises:
-        UsageError: it is not an address.
+        UsageError: the text is not an address.
     """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
@@ -78,7 +78,8 @@ def served(
         risk: what a client at the address may do.
 
     Raises:
-        UsageError: it is not such an address, or may be reached by other machines without permission.
+        UsageError: the text is not such an address, or the address may be reached by other machines without
+            permission.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:
@@ -176,7 +177,7 @@ class PageServer:
             client.close()
 
     def _read(self, client: socket.socket) -> bytes | None:
-        """A request's head; None where it is incomplete."""
+        """Receives the head of a request; returns None if the head is incomplete."""
         asked, until = b"", self._clock.now() + PATIENCE_S
         while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
             client.settimeout(max(until - self._clock.now(), 1e-3))
@@ -191,7 +192,7 @@ class PageServer:
 
 
 def listening(address: Address, option: str, *, at_once: bool = True) -> socket.socket:
-    """A socket that listens at an address.
+    """Returns a socket that listens at an address.
 
     Args:
         address: the address.
@@ -242,7 +243,7 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """The complete response to a request.
+    """Returns the complete response to a request.
 
     Args:
         pages: media type and content of each page, by path.

@@ -106,7 +106,7 @@ class Acceptance:
         return SequentialTest(self.limit).bounds(self.failed, most, self.parts)
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "verdict": self.verdict.value,
             "decided_at": self.decided_at,
@@ -142,8 +142,8 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 class Planned(NamedTuple):
     """Numbers of parts after which a study accepts a cell."""
 
-    least: int  # if no part fails
-    likely: int | None  # with probability `POWER`; None where that takes more than `MOST_PARTS`
+    least: int  # number of parts if no part fails
+    likely: int | None  # number for probability `POWER`; None if above `MOST_PARTS`
 
 
 def planned(limit: float, expected: float | None) -> Planned:

@@ -29,7 +29,7 @@ MOST_ROWS = 100_000
 
 
 def parser() -> Parser:
-    """The command line."""
+    """Builds the argument parser of `grasp-audit study`."""
     text = "Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge."
     built = Parser(prog="grasp-audit study", description=text, epilog=EPILOG)
     add = built.add_argument
@@ -152,7 +152,7 @@ def _readings(path: Path) -> list[list[list[float]]]:
 
     Raises:
         InputError: the file is invalid; names the problem and the row.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     cells: dict[tuple[str, str], list[float]] = {}
     try:

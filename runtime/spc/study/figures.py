@@ -24,10 +24,10 @@ class GaugeRow(NamedTuple):
 
     leaf: int | None  # None for the whole table
     readings: int
-    studies: Mapping[str, TypeOne]  # by coordinate, for those with a tolerance in the goal
+    studies: Mapping[str, TypeOne]  # by coordinate, if the goal has a tolerance for it
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         pairs = self.studies.items()
         studies = {name: {**one._asdict(), "capable": one.capable} for name, one in pairs}
         return {"leaf": self.leaf, "readings": self.readings, **studies}
@@ -43,7 +43,7 @@ class Study:
     curve: tuple[Acceptance, ...]
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]
-    crossed: Mapping[str, Crossed]  # by quantity; empty if not requested
+    crossed: Mapping[str, Crossed]  # studies by quantity; empty if not requested
     planned: Planned
 
     @property
@@ -58,7 +58,7 @@ class Study:
         return Bounds(low, last.share, high) if low <= high else last
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             **self.acceptance.fields(),
             "failures": self.bounds._asdict(),
@@ -140,8 +140,8 @@ def expected_failures(table: Table) -> float | None:
 def parts_of_leaves(table: Table) -> int | None:
     """Number of parts to run, so that each of the most frequent leaves has the readings of a type-1 study.
 
-    These leaves together hold the share `COVERED` of the parts. None if there were no trials, or if too many
-    parts would be needed.
+    These leaves together hold the share `COVERED` of the parts. The result is None if there were no trials,
+    or if too many parts would be needed.
     """
     trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
     total, seen = sum(trials), 0
@@ -159,7 +159,7 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
     the coordinates of the leaf's pose, if every part was located.
 
     Args:
-        runs: one for each journal, of one table.
+        runs: the history of each journal; all journals have one table.
         parts: number of parts, which each run measures again and again in the same order.
 
     Raises:

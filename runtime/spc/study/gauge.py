@@ -10,7 +10,7 @@ from math import exp, lgamma, log, log1p, sqrt
 from statistics import fmean, stdev
 from typing import NamedTuple
 
-LEAST_READINGS = 25  # of a type-1 study
+LEAST_READINGS = 25  # least readings of a type-1 study
 CAPABLE = 1.33  # Cg and Cgk from which a gauge counts as capable
 GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it is acceptable
 POOLED_FROM = 0.05  # probability above which the interaction counts as repeatability
@@ -61,7 +61,7 @@ class Spread(NamedTuple):
 
     repeatability: float  # EV: within one part and one appraiser
     reproducibility: float  # AV: appraisers, and their interaction with parts if any
-    part: float  # PV
+    part: float  # PV: between parts
 
     @property
     def gauge(self) -> float:
@@ -83,7 +83,7 @@ class Spread(NamedTuple):
         return CATEGORIES * self.part / self.gauge if self.gauge else None
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         names = ("repeatability", "reproducibility", "gauge", "part")
         named = {name: getattr(self, name) for name in names}
         percent = {f"{name}_percent": self.percent(value) for name, value in named.items()}
@@ -108,7 +108,7 @@ class Crossed:
     ranges: Spread | None  # by average and range; None without constants for this size
 
     def fields(self) -> dict[str, object]:
-        """The values as JSON types."""
+        """Converts the object to JSON types."""
         return {
             "parts": self.parts,
             "appraisers": self.appraisers,
@@ -128,7 +128,7 @@ def crossed(readings: Readings) -> Crossed:
     """Evaluates a crossed study.
 
     Args:
-        readings: by part, appraiser and trial, of shape (p, o, r).
+        readings: readings by part, appraiser and trial, of shape (p, o, r).
 
     Raises:
         ValueError: a dimension is less than 2, or the study is not balanced.

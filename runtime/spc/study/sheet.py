@@ -30,7 +30,7 @@ SIGNED = ("supplier", "customer")
 
 
 def page(study: Study, journals: Sequence[str]) -> str:
-    """The sheet.
+    """Returns the run-off sheet as an HTML page.
 
     Args:
         study: what the sheet shows.
@@ -59,7 +59,7 @@ def page(study: Study, journals: Sequence[str]) -> str:
 
 
 def verdict_words(study: Study) -> str:
-    """The verdict as a sentence."""
+    """Returns the verdict as a sentence."""
     now, bounds = study.acceptance, study.bounds
     required = f"{1.0 - now.limit:.6g} of all parts located"
     shown = f"{now.failed} of {now.parts} failed"
@@ -74,7 +74,7 @@ def verdict_words(study: Study) -> str:
 
 
 def gauge_words(study: Study) -> Iterator[str]:
-    """The type-1 studies, a line each."""
+    """Yields a line for each type-1 study."""
     for row in (study.table, *study.leaves):
         name = "table" if row.leaf is None else f"leaf {row.leaf}"
         figures = "; ".join(_type_one_words(key, one) for key, one in row.studies.items())
@@ -83,7 +83,7 @@ def gauge_words(study: Study) -> Iterator[str]:
 
 
 def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
-    """The crossed studies, a line each."""
+    """Yields a line for each crossed study."""
     for name, study in studies.items():
         word = UNITS.get(name, (name, ""))[0]
         percent, ndc = _figure(study.percent), _known(study.anova.fields()["ndc"])

@@ -19,7 +19,7 @@ class Connection:
 
 
 def locate(connection, robot):
-    """Locates one part; returns leaf, x mm, y mm, angle deg and success, or None where it was not located."""
+    """Locates one part; returns leaf, x mm, y mm, angle deg and success, or None if it was not located."""
     words = connection.ask("NEXT")
     while words[0] == "SQUEEZE":
         node = words[1]

@@ -19,7 +19,7 @@ PROFILE = GripperProfile(
 )
 
 QUESTIONS = ("status", "where")
-MARGIN_S = 2.0  # beyond a whole stroke at the requested speed
+MARGIN_S = 2.0  # time beyond a whole stroke at the requested speed
 SPREAD_UM = 5 * PROFILE.noise_um  # largest distance between readings of fingers at rest
 
 

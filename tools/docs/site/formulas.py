@@ -16,7 +16,7 @@ LARGER = 1.1  # enlargement of a formula relative to its text; STIX is a small f
 
 
 def drawn(latex: str, inline: bool) -> str:
-    """Returns an <svg> element with the formula, its base line aligned with that of the text."""
+    """Returns an <svg> element with the formula, its base line aligned with the base line of the text."""
     formula = ziamath.Latex(latex, size=EM, color="currentColor", inline=inline)
     svg = formula.svgxml()
     width, height = (float(svg.get(side, "0")) for side in ("width", "height"))

@@ -29,7 +29,7 @@ PLACE = re.compile(
 
 
 def figures(name: str) -> object:
-    """Content of a file of results."""
+    """Returns the content of a file of results."""
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
@@ -55,7 +55,7 @@ def table_of(name: str) -> str:
 
 
 def filled(page: str) -> str:
-    """A page with all its tables updated."""
+    """Returns a page with all its tables updated."""
     return PLACE.sub(lambda match: f"{match[1]} -->\n\n{table_of(match[1])}\n\n", page)
 
 
