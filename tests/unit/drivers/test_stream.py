@@ -69,21 +69,20 @@ def test_scan_of_stopped_line_raises_link_error(terminal):
 
 
 def test_connected_unanswered_addresses_share_one_deadline(monkeypatch):
-    """A listener whose queue is full silently drops further connections."""
-    with socket.create_server(("127.0.0.1", 0), backlog=0) as server:
-        place = server.getsockname()
-        waiting = [socket.socket() for _ in range(3)]
-        for one in waiting:
-            one.setblocking(False)
-            one.connect_ex(place)
-        row = (socket.AF_INET, socket.SOCK_STREAM, 6, "", place)
-        monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [row] * 200)
-        began = time.monotonic()
-        with pytest.raises(TimeoutError):
-            connected("host", place[1], 0.2)
-        assert time.monotonic() - began < 200 * 0.2 / 2
-        for one in waiting:
-            one.close()
+    waited = []
+
+    class Unanswered(socket.socket):
+        def connect(self, address):
+            waited.append(self.gettimeout())
+            raise TimeoutError
+
+    row = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 9))
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [row] * 200)
+    monkeypatch.setattr(socket, "socket", Unanswered)
+    monkeypatch.setattr(time, "monotonic", lambda: 7.0 + sum(waited))
+    with pytest.raises(TimeoutError):
+        connected("host", 9, 0.2)
+    assert (len(waited), sum(waited)) == (200, pytest.approx(0.2 + 199 * 1e-3))
 
 
 def test_open_tcp_silent_name_server_is_not_waited_for(monkeypatch):
