@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -41,6 +42,15 @@ def _handlers() -> Iterator[None]:
 def _handle_as_usual() -> None:
     for number, handler in USUAL.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The only file of the current folder: a drawing without a unit."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "plate.csv"
+    path.write_text("0,0\n30,0\n30,21\n0,21\n")
+    return path
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -3,11 +3,11 @@
 import os
 import socket
 import termios
-import threading
 import time
 import tty
 
 import pytest
+from silent_names import silent_names
 
 from drivers import stream
 from drivers.errors import LinkError, PortError, shown
@@ -86,19 +86,10 @@ def test_connected_unanswered_addresses_share_one_deadline(monkeypatch):
 
 
 def test_open_tcp_silent_name_server_is_not_waited_for(monkeypatch):
-    asked, answered = socket.getaddrinfo, threading.Event()
-
-    def silent(*words, **settings):
-        if settings.get("flags"):
-            return asked(*words, **settings)
-        answered.wait(60.0)
-        return []
-
-    monkeypatch.setattr(socket, "getaddrinfo", silent)
     monkeypatch.setattr(stream, "CONNECT_S", 0.1)
-    with pytest.raises(PortError, match=r"no name server tells .* robot\.local.*; hint"):
+    said = r"no name server tells .* robot\.local.*; hint"
+    with silent_names(), pytest.raises(PortError, match=said):
         open_tcp("robot.local", 1, "tcp://robot.local:1", "hint")
-    answered.set()
 
 
 @pytest.mark.parametrize(
