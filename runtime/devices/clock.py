@@ -59,10 +59,10 @@ class SystemClock:
 
     def shift(self, changes: Sequence[int]) -> str:
         """Start of the current shift, in the form of `local`; shifts change at the hours `changes`."""
-        now = datetime.fromtimestamp(time.time(), UTC).astimezone()
-        passed = [hour for hour in changes if hour <= now.hour]
-        day = now.date() - timedelta(days=0 if passed else 1)
-        return f"{day} {max(passed or changes):02}:00"
+        now = time.localtime(time.time())
+        passed = [hour for hour in changes if hour <= now.tm_hour]
+        day = datetime(*now[:3], tzinfo=UTC) - timedelta(days=0 if passed else 1)
+        return f"{day.date()} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
         """Time that nobody can set: `boot`, first digits of the boot's id, and `up_s`, seconds since boot.
