@@ -3,11 +3,14 @@
 import os
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from sample_tables import small_table
 
 from runtime.shell.interrupts import SIGNALS
+from runtime.table import dump
 
 # A shell without job control ignores Ctrl-C and SIGQUIT in what it starts with `&`, and nohup ignores SIGHUP;
 # processes hand that down. The tests send them to themselves and to the commands they start.
@@ -41,6 +44,22 @@ def _handlers() -> Iterator[None]:
 def _handle_as_usual() -> None:
     for number, handler in USUAL.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The only file of the current folder: a drawing without a unit."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "plate.csv"
+    path.write_text("0,0\n30,0\n30,21\n0,21\n")
+    return path
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """The small table's file, alone in its folder."""
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -12,8 +12,8 @@ from planner.cli import bounds, course, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
-from planner.diagnosis.alike import alike
-from planner.diagnosis.cautions import warnings_of
+from planner.diagnosis.alike import alike, refuse_alike
+from planner.diagnosis.cautions import hardly_located, warnings_of
 from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -95,9 +95,9 @@ def _single(arguments: argparse.Namespace) -> int:
     files.usable(output, *read)
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
+    refuse_alike(job)
     for result in alike(job):
-        if not result.hopeless:  # `compile_job` refuses the job if all its parts are hopeless
-            tell(NAME, f"warning: {result.line()}")
+        tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
     with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json, whole) as report:
         with shell.stopping(limit, NAME):
@@ -185,7 +185,7 @@ def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
         tips_mm = job.cell.squeeze_height_mm
         met = f"tips at squeeze_height_mm = {tips_mm:g} meet a part of {tips_mm + tips.MARGIN_MM:g} mm"
         yield f"height_mm of [part] is not stated: {met} or more"
-    for line in warnings_of(job):
+    for line in (*hardly_located(plan.evaluation), *warnings_of(job)):
         yield f"warning: {line}"
     yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"
 

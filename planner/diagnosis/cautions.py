@@ -1,11 +1,15 @@
 """Warnings about jobs whose plan may work worse, or say less about the part, than its figures suggest."""
 
+from collections.abc import Iterator
+
+from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.part.outline import min_width
 
 LOW_TIPS_MM = 2.0  # height of the finger tips above the table below which a job gets a warning
 NEAR_TOP_MM = 1.5  # distance of the finger tips from the part's top below which a job gets one
 LARGE_GOAL = 0.5  # goal, as a share of the part's least width, above which a job gets one
+HARDLY = 0.01  # share of located trials below which a part, one of several, gets one
 
 
 def warnings_of(job: Job) -> list[str]:
@@ -29,3 +33,12 @@ def warnings_of(job: Job) -> list[str]:
             less = f"ask for less than {LARGE_GOAL * width_mm:.2g} mm"
             results.append(f"{name}{says} that is {width_mm:.3g} mm wide; {less}")
     return list(dict.fromkeys(results))
+
+
+def hardly_located(evaluation: Evaluation) -> Iterator[str]:
+    """Yields a warning for each of several parts that hardly any trial locates."""
+    for number, part in enumerate(evaluation.table.hypotheses):
+        located = evaluation.success[evaluation.traits["hypothesis"] == number]
+        if len(located) and (rate := located.mean()) < HARDLY:
+            some = f"{part.name}: located in {rate:.2%} of its {len(located)} trials"
+            yield f"{some}: add actions, ask for less, or leave it out"

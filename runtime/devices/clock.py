@@ -4,11 +4,10 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 LINK_MARGIN_S = 30.0
-DAY_S = 86400.0
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # random(4)
 
 
@@ -60,9 +59,10 @@ class SystemClock:
 
     def shift(self, changes: Sequence[int]) -> str:
         """Start of the current shift, in the form of `local`; shifts change at the hours `changes`."""
-        passed = [hour for hour in changes if hour <= time.localtime().tm_hour]
-        day = time.localtime(time.time() - (0 if passed else DAY_S))
-        return f"{time.strftime('%Y-%m-%d', day)} {max(passed or changes):02}:00"
+        now = time.localtime(time.time())
+        passed = [hour for hour in changes if hour <= now.tm_hour]
+        day = datetime(*now[:3], tzinfo=UTC) - timedelta(days=0 if passed else 1)
+        return f"{day.date()} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
         """Time that nobody can set: `boot`, first digits of the boot's id, and `up_s`, seconds since boot.

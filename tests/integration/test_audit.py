@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from audit_loops import agreement, loop, mixed
 from cameras import camera, keep_standard, part_tag, rig, true_calibration
-from programs import ROOT, TABLE, ended, started
+from programs import ROOT, TABLE, ended, started, until
 
 from drivers.camera.audit import service
 from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
@@ -133,13 +133,16 @@ def test_judge_silent_camera_answers_unknown_after_deadline(files):
     assert {answer["verdict"] for answer in answers} == {"unknown"}
 
 
-def test_judge_above_memory_limit_keeps_pid_and_answers(files, tmp_path):
-    (tmp_path / "drivers").mkdir()  # not the package: the restarted process must not import it
-    (tmp_path / "drivers" / "__init__.py").touch()
+def test_judge_above_memory_limit_restarts_between_two_answers(files, tmp_path):
+    """Only a restarted process reads the calibration again. It does not restart while a question waits."""
+    (tmp_path / "drivers.py").touch()  # the restarted process must not import it for the package
     with Judge("--memory-mb", "1", folder=tmp_path, **files) as audit:
-        first = audit.process.pid
-        assert [audit.ask()["verdict"] for _ in range(3)] == ["pass", "pass", "pass"]
-        assert audit.process.pid == first
+        assert audit.ask()["verdict"] == "pass"
+        sound = files["calibration"].read_text()
+        files["calibration"].write_text(sound.replace("S-1", "S-2"))
+        until(lambda: "damaged or changed" in audit.ask()["reason"], "a restart")
+        files["calibration"].write_text(sound)
+        assert audit.ask()["verdict"] == "pass"
 
 
 def test_limit_memory_larger_allocation_raises_memory_error():

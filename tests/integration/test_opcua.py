@@ -1,5 +1,6 @@
 """`grasp-runtime --plc opc.tcp://` as a command: a supervisor runs parts in the simulated cell."""
 
+import asyncio
 import json
 import signal
 import threading
@@ -9,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from asyncua import ua
+from asyncua import Client, ua
 from plc_programs import PlcServed, free_port
-from programs import REHEARSAL, TABLE, VIRTUAL
+from programs import REHEARSAL, TABLE, VIRTUAL, WAIT_S
 from supervisor import Passport, Supervisor, passport
 from written_journals import assert_sound
 
@@ -50,7 +51,7 @@ class Program(threading.Thread):
                 names = [name.capitalize() for name in OUTCOMES.values()]
                 self.counted = {name: line[f"{PACKML}/{name}"] for name in names}
                 line.until(f"{MACHINE}/CurrentState", "Halted")
-                until = time.monotonic() + 1.0
+                until = time.monotonic() + WAIT_S
                 while "SingleExecutionToHalted" not in line.events and time.monotonic() < until:
                     time.sleep(0.01)
                 self.events = line.events
@@ -125,6 +126,14 @@ def test_opcua_server_abort_stops_part_safely_and_ends_server(tree, identity):
     folder = served.journal.with_name("journal.jsonl.opcua")
     assert (folder / CERTIFICATE).exists()
     assert not (folder / PINNED).exists()
+
+
+@pytest.mark.slow
+def test_opcua_server_without_insecure_option_has_no_bare_endpoint(tree: Path) -> None:
+    with PlcServed(tree, more=REHEARSAL, plc="opc.tcp://127.0.0.1:0") as served:
+        client = Client(f"opc.tcp://127.0.0.1:{served.port}", timeout=WAIT_S)
+        offered = asyncio.run(client.connect_and_get_server_endpoints())
+    assert {each.SecurityMode for each in offered} == {ua.MessageSecurityMode.SignAndEncrypt}
 
 
 @pytest.mark.slow

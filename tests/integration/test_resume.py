@@ -4,15 +4,18 @@ The tests take a sample of the moments; `pytest --every-moment tests/integration
 """
 
 import itertools
+import json
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
-from sample_tables import pushing_table, small_table
+from sample_tables import pushing_table, small_table, with_job
 from written_journals import assert_sound
 
 from runtime.errors import BrokenRunError
@@ -187,9 +190,21 @@ def test_resume_hand_moved_since_kill_aborts_part(table, height_mm, killed):
         assert (Outcome.ABORTED in tally.outcomes) == touched, (last, kinds)
         if touched:
             assert world.at_mm == stood
-            reasons = [entry["reason"] for entry in records(path) if entry["kind"] == "outcome"]
-            assert "not where the run broke off" in reasons[-1]
+            *_, ended = (entry for entry in records(path) if entry["kind"] == "outcome")
+            assert "not where the run broke off" in ended["reason"]
+            assert ended["safe_state"] == ["nothing was moved"]
         assert tally.exit_code in ({24} if touched else {0, 10})
+
+
+@pytest.mark.parametrize(("share", "outcome"), [(0.5, Outcome.LEAF), (0.6, Outcome.ABORTED)])
+def test_resume_hand_turned_by_half_a_turn_continues_if_fingers_close_alike(share, outcome, killed):
+    table = with_job(small_table(), json.dumps({"gripper": {"upper_finger_share": share}}))
+    holding = (run for run in killed(table, 7) if run.kinds[-1:] == ["squeeze"])
+    ends = Counter[Outcome]()
+    for _, world, path, _ in holding:
+        world.at_mm = (*world.at_mm[:3], world.at_mm[3] + pi)
+        ends.update(process(world, path, PLAIN)[0].outcomes)
+    assert set(ends) == {outcome}
 
 
 def test_resume_part_removed_from_fingers_aborts_part(killed):

@@ -12,13 +12,16 @@ from programs import VIRTUAL, called
 
 from drivers.camera.audit.subject import from_table
 from drivers.camera.vision.tag_file import PartTag
+from planner.cli import compile as compile_command
 from planner.cli import evaluate as evaluate_command
 from planner.cli import report
 from planner.compile import compile_job
+from planner.diagnosis.cautions import hardly_located
+from planner.errors import NoPlanError
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.foreign import tried
 from planner.evaluation.leaves import identities
-from planner.evaluation.outcome import CRASHED, Evaluation
+from planner.evaluation.outcome import CRASHED, REJECTED, Evaluation
 from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
@@ -87,6 +90,26 @@ def test_identities_count_parts_by_true_and_stated_name(job, plan):
     assert named.named[0].sum() / 2000 == pytest.approx(0.3, abs=0.04)
     assert named.right > 0.99
     assert np.trace(named.named) == result.success.sum()  # the goal is the name alone
+
+
+def test_plan_compile_warns_of_one_hopeless_part_before_the_search(tmp_path, monkeypatch):
+    def ended(*_):
+        raise NoPlanError("no plan")
+
+    monkeypatch.setattr(compile_command, "compile_job", ended)
+    job = tmp_path / "job.toml"
+    job.write_text(COMMON.replace("identity", "pose") + squares(20, 34) + "symmetry = 1\n")
+    code, _, err = called(compile_command.main, job, "-o", tmp_path / "t.msgpack")
+    assert (code, err.count("\n")) == (NoPlanError.exit_code, 2)
+    assert "warning: large: no squeeze distinguishes" in err
+
+
+def test_hardly_located_names_only_part_that_no_trial_locates(plan):
+    small = plan.evaluation.traits["hypothesis"] == 0
+    lost = replace(plan.evaluation, leaf=np.where(small, REJECTED, plan.evaluation.leaf))
+    assert list(hardly_located(plan.evaluation)) == []
+    (line,) = hardly_located(lost)
+    assert line.startswith(f"small: located in 0.00% of its {small.sum()} trials")
 
 
 def test_evaluate_exchanged_names_are_wrong_answers(plan):

@@ -85,14 +85,6 @@ def test_squeezetree_without_numpy_refuses_in_one_line_with_code() -> None:
         assert said in done.err
 
 
-@pytest.fixture
-def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "plate.csv"
-    path.write_text("0,0\n30,0\n30,21\n0,21\n")
-    return path
-
-
 QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
 
 

@@ -192,12 +192,24 @@ def test_modbus_server_half_frame_changes_nothing_and_blocks_nobody(served, raw,
         assert raw.ask(read(0, 3)) == b"\x03\x06" + bytes(6)
         assert with_half.is_closed(), cut
     assert served.station.order is None
+    monkeypatch.setattr(modbus, "PATIENCE_S", 1.0)
     first = served.raw()  # its second half comes in time
     first.send(whole[:9])
     time.sleep(0.05)
     first.send(whole[9:])
     assert first.read()[2] == bytes.fromhex("9006")  # busy: `raw` is the client that may write
+    time.sleep(1.1)
+    assert first.ask(read(0, 1)) == bytes.fromhex("03020000")
     first.close()
+
+
+def test_modbus_server_connection_beyond_most_is_ended(served, raw):
+    with contextlib.ExitStack() as stack:
+        clients = [stack.enter_context(contextlib.closing(raw))]
+        while len(clients) < modbus.MOST_CONNECTIONS:
+            clients.append(stack.enter_context(contextlib.closing(served.raw())))
+        assert all(client.ask(read(0, 1)) == bytes.fromhex("03020000") for client in clients)
+        assert served.raw().is_closed()
 
 
 @pytest.mark.parametrize(

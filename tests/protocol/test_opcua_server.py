@@ -275,7 +275,8 @@ def test_opcua_server_bare_channel_enters_no_session(served: Served, line: Super
             entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
             value = ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)
             reading = intruder.read(ua.ReadParameters(NodesToRead=[value]))
-            for act in (intruder.activate_session(entering), reading):
+            registering = intruder.register_server(ua.RegisteredServer())
+            for act in (intruder.activate_session(entering), reading, registering):
                 try:
                     await act
                     ends.append(type(None))

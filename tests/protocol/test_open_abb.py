@@ -188,14 +188,20 @@ def test_arm_server_pipelined_commands_are_lost(served):
     assert silent(client)
 
 
-def test_arm_server_during_move_answers_nothing(served):
+@pytest.fixture
+def moving(served):
+    """A client whose move takes 20 s, 0.4 s here."""
     client = served.client()
-    talk(client, "8 20 90 #")
-    client.sendall(b"1 100 0 100 0 1 0 0 #")  # 5 s, 0.1 s here
+    talk(client, "8 5 90 #")
+    client.sendall(b"1 100 0 100 0 1 0 0 #")
     assert silent(client, 0.04)
-    client.sendall(b"0 #")
-    assert client.recv(4) == b"1 1 "
-    assert client.recv(4) == b"0 1 "
+    return client
+
+
+def test_arm_server_during_move_answers_nothing(moving):
+    moving.sendall(b"0 #")
+    assert moving.recv(4) == b"1 1 "
+    assert moving.recv(4) == b"0 1 "
 
 
 def test_arm_server_unreachable_target_stays_connected_and_silent(served):
@@ -207,13 +213,9 @@ def test_arm_server_unreachable_target_stays_connected_and_silent(served):
     assert silent(served.client())
 
 
-def test_arm_server_next_client_gets_stale_acknowledgement(served):
-    client = served.client()
-    talk(client, "8 20 90 #")
-    client.sendall(b"1 100 0 100 0 1 0 0 #")
-    assert silent(client, 0.04)
-    client.close()
-    time.sleep(0.15)
+def test_arm_server_next_client_gets_stale_acknowledgement(served, moving):
+    moving.close()
+    time.sleep(0.6)
     heir = served.client()
     assert heir.recv(16) == b"1 1 "  # without a question
     assert talk(heir, "3 #").startswith("3 1 100.00 ")

@@ -5,12 +5,13 @@ import numpy as np
 from drivers.ports import GripperState, ObjectState
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.registers import fault_text
-from runtime.table import PROFILES, DecisionMap
+from runtime.table import PROFILES, Calibration, DecisionMap
 from runtime.table import decide as look_up
 
 COUNTS = 256
 PROFILE = PROFILES["robotiq-2f-85"]
 SETTINGS = Counts(PROFILE)  # counts of positions, speeds and forces
+CALIBRATION = Calibration(PROFILE)
 
 
 def width_um(count: int) -> int:

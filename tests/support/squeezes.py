@@ -2,14 +2,13 @@
 
 from counting import SETTINGS, count_of
 from fake_cell import Deaf, FakeCell, State, fake_cell
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 
 from runtime.execution.executor import Executor, RunOptions
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Table
+from runtime.table import Table
 from runtime.traversal.results import PartResult
 
-CALIBRATION = Calibration(GRIPPER.profile)
 CONTACT, ARRIVED = 2, 3
 WIDTHS = (21_000, 30_000, 36_000, 60_000)
 AT_21, AT_30, AT_36, AT_60 = ((count_of(width), CONTACT) for width in WIDTHS)

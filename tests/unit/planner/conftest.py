@@ -1,6 +1,4 @@
-"""Fixtures: the job and the table of the rectangle, a drawing of it, and a clock."""
-
-from pathlib import Path
+"""Fixtures: the job and the table of the rectangle, and a clock."""
 
 import pytest
 from rectangle import JOB_PATH, TABLE_PATH
@@ -18,15 +16,6 @@ def job() -> Job:
 @pytest.fixture(scope="session")
 def table() -> Table:
     return load(TABLE_PATH).table
-
-
-@pytest.fixture
-def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The only file of the current folder: a drawing without a unit."""
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "plate.csv"
-    path.write_text("0,0\n30,0\n30,21\n0,21\n")
-    return path
 
 
 class Clock:

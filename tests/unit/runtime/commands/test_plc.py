@@ -125,12 +125,6 @@ class Running:
                     raise self.raised
 
 
-@pytest.fixture
-def tree(tmp_path):
-    dump(small_table(), tmp_path / "t.msgpack")
-    return tmp_path / "t.msgpack"
-
-
 def test_plc_run_part_reports_outcome_code_and_pose_if_located(tmp_path, tree, capsys):
     results = []
 

@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+from programs import WAIT_S
 
 from runtime.devices.audit import AuditProcess
 from runtime.shell.errors import UsageError
@@ -61,9 +62,11 @@ NO_ANSWERS = ["nonsense", "no verdict", "endless number", "list", "gone", "endle
 
 
 @pytest.mark.parametrize("auditor", NO_ANSWERS, indirect=True)
-def test_judge_invalid_answer_is_unknown(auditor):
-    auditor._answer_s = 1.0
-    assert auditor.judge(1, POSE)["verdict"] == "unknown"
+def test_judge_invalid_answer_is_unknown_before_deadline(auditor):
+    auditor._answer_s = WAIT_S
+    answer = auditor.judge(1, POSE)
+    assert answer["verdict"] == "unknown"
+    assert "did not answer" not in str(answer.get("reason"))
 
 
 @pytest.mark.parametrize("auditor", ["odd"], indirect=True)

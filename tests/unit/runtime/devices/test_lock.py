@@ -1,13 +1,12 @@
 """The lock of a device: one process at a time, under every name of the device, without files."""
 
 import os
-import socket
 import subprocess
 import sys
-import threading
 
 import pytest
 from programs import started
+from silent_names import silent_names
 
 from drivers.abb import omnicore
 from drivers.robotiq import urcap
@@ -92,19 +91,9 @@ def test_port_lock_of_a_name_holds_all_its_addresses(monkeypatch):
 
 
 def test_port_lock_of_unresolved_name_is_taken_in_time(monkeypatch):
-    asked, answered = socket.getaddrinfo, threading.Event()
-
-    def silent(host, number, **settings):
-        if settings.get("flags"):
-            return list(asked(host, number, **settings))
-        assert answered.wait(60.0)
-        return []
-
-    monkeypatch.setattr(socket, "getaddrinfo", silent)
     monkeypatch.setattr(locks, "LOOK_UP_S", 0.1)
-    with PortLock("ur://robot.example"):
+    with silent_names(), PortLock("ur://robot.example"):
         assert busy("ur://robot.example:30004")
-    answered.set()
 
 
 def test_port_lock_of_units_behind_gateway_is_per_unit():

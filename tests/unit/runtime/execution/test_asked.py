@@ -7,8 +7,9 @@ from asked import asked_parts
 from counting import width_um
 from sample_tables import every_field_table, random_table, small_table
 
-from runtime.execution.asked import ERRORS, MAX_LINE
+from runtime.execution.asked import ERRORS, MAX_LINE, SLOWEST_UM_S
 from runtime.execution.executor import RunOptions
+from runtime.execution.watch import expected_of
 from runtime.table import REJECT, Table, decide, decision_map
 from runtime.traversal.decision import Policy
 
@@ -69,6 +70,14 @@ def test_answer_to_width_equals_answer_to_its_count():
             asked.answer("NEXT")
             answers.append(asked.answer(word).split()[:2])
         assert answers[0] == answers[1] or answers[0][0] == "REJECT"
+
+
+def test_deadline_of_squeeze_is_a_few_times_its_expected_duration():
+    asked, table = asked_parts(small_table()), small_table()
+    assert asked.deadline is None
+    asked.answer("NEXT")
+    usual_s = expected_of(table, table.nodes[0], SLOWEST_UM_S).total_s
+    assert 2 * usual_s < asked.deadline < 20 * usual_s
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,9 +1,9 @@
 """What the fingers may hold at the start of a run, and how it is put down; on a cell in memory."""
 
 import pytest
-from counting import count_of, width_um
+from counting import CALIBRATION, count_of, width_um
 from fake_cell import FakeCell, Log, State, fake_cell
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 from squeezes import arm_moves
 
 from runtime.errors import GripperStateError, MotionRefusedError
@@ -12,9 +12,8 @@ from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import Area, Calibration
+from runtime.table import Area
 
-CALIBRATION = Calibration(GRIPPER.profile)
 AT_30 = count_of(30_000)
 HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
 

@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from counting import state, width_um
+from counting import CALIBRATION, state, width_um
 from refusals import refusal
 from sample_tables import GRIPPER
 
@@ -17,9 +17,7 @@ from runtime.execution.reading import (
     check_opened,
     check_passed,
 )
-from runtime.table import Calibration
 
-CALIBRATION = Calibration(GRIPPER.profile)
 BAND = CURRENT_MA
 
 

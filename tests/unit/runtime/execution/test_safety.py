@@ -67,6 +67,13 @@ def test_reach_safe_state_any_failure_moves_no_unknown_arm(arm_known, fail_at):
         assert call.arguments[2] == HIGH
 
 
+def test_reach_safe_state_arm_above_retreat_height_stays():
+    rig = fake_cell([])
+    rig.arm.at = but(z=HIGH + 1.0)
+    reach_safe_state(rig.gripper, rig.arm, LIMITS, arm_known=True)
+    assert rig.log.named("move_linear") == []
+
+
 @pytest.mark.parametrize(
     ("model", "speed_mm_s", "force_n", "message"),
     [

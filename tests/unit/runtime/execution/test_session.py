@@ -16,7 +16,6 @@ from runtime.execution import session
 from runtime.execution.events import Console, Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects
-from runtime.table import dump
 
 JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0)
@@ -81,13 +80,6 @@ def test_objects_print_one_complete_line_per_part(capsys):
     assert leaf.keys() == reject.keys()
 
 
-@pytest.fixture
-def tree(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
@@ -108,8 +100,9 @@ def tree(tmp_path, monkeypatch):
     ],
 )
 def test_grasp_runtime_wrong_arguments_exit_with_code_and_message(
-    tree, capfd, arguments, code, message
+    tree, monkeypatch, capfd, arguments, code, message
 ):
+    monkeypatch.chdir(tree.parent)
     assert main(["--tree", str(tree), *arguments.split()]) == code
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith("grasp-runtime: ")

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from counting import SETTINGS
+from counting import CALIBRATION, SETTINGS
 from refusals import refused_in_a_line
 from sample_tables import GRIPPER, random_table, small_table
 
@@ -13,9 +13,8 @@ from runtime.errors import TableError
 from runtime.execution import strokes
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import PROFILES, Calibration, GripperProfile, Node, Schedule, profile_of
+from runtime.table import PROFILES, GripperProfile, Node, Schedule, profile_of
 
-CALIBRATION = Calibration(GRIPPER.profile)
 PROFILE = profile_of(GRIPPER.model)
 TIMING = replace(Schedule.of(small_table(), None).timing, fastest_mm_s=150.0)
 NODES = [node for seed in range(3) for node in random_table(seed, 8).nodes]

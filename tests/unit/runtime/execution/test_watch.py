@@ -52,6 +52,15 @@ def test_watch_late_squeeze_names_cause_and_stops_device_calls(slow, message, ca
     assert [device.calls for device in devices] == called
 
 
+def test_watch_squeeze_late_after_last_call_raises():
+    clock = FakeClock()
+    with (
+        pytest.raises(ExpectedError, match="this machine took"),
+        Watch(clock).squeeze(Expected(6, 4)),
+    ):
+        clock.sleep(200.0)
+
+
 def test_watch_endless_call_ends_at_deadline(monkeypatch):
     """The deadline interrupts a call as a stop request does, whatever the driver waits for."""
     monkeypatch.setattr(clocks, "LINK_MARGIN_S", 0.1)

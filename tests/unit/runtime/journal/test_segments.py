@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import count
@@ -20,6 +21,7 @@ from runtime.journal.chain import Journal, records, verify
 from runtime.journal.export import rows
 from runtime.journal.files import broken_of
 from runtime.journal.replay import Replay
+from runtime.shell.interrupts import StopRequests, stoppable
 from runtime.shell.sealed_lines import sealed_segments, segment
 from runtime.spc import history
 from runtime.table import dumps
@@ -127,6 +129,19 @@ def test_journal_segment_with_lost_records_is_refused(tmp_path, name, how):
             with pytest.raises(JournalError):
                 Journal(path, STAMP)
     assert lost.exists() == (kept is not None)
+
+
+def test_journal_stop_request_while_it_rotates_raises_afterwards(tmp_path, monkeypatch):
+    path, rotate = tmp_path / "j.jsonl", chain.files.rotate
+
+    def interrupted(*words):
+        os.kill(os.getpid(), signal.SIGINT)
+        return rotate(*words)
+
+    monkeypatch.setattr(chain.files, "rotate", interrupted)
+    with StopRequests(), pytest.raises(KeyboardInterrupt), stoppable():
+        segmented(path)
+    assert (verify(path).segments, len(sealed_segments(path))) == (1, 1)
 
 
 def test_journal_path_of_sealed_segment_is_refused(tmp_path):

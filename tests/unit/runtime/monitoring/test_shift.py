@@ -1,7 +1,9 @@
 """The figures of a shift: yield, lost parts, and the counts that begin anew at a change of shift."""
 
 import json
+import time
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 from sample_tables import small_table
@@ -49,6 +51,30 @@ def test_shift_change_resets_counts(shift):
     Clock.hour = 14
     seen = shift.as_object()
     assert (seen["since"], seen["parts"], seen["seconds_mean"]) == ("2026-11-27 14:00", 0, None)
+
+
+@pytest.mark.parametrize(
+    ("utc", "began"),
+    [
+        ((2026, 3, 29, 22, 30), "2026-03-29 22:00"),  # 00:30 after the day of 23 hours
+        ((2026, 10, 25, 22, 30), "2026-10-25 22:00"),  # 23:30 on the day of 25 hours
+        ((2026, 10, 26, 0, 30), "2026-10-25 22:00"),
+    ],
+)
+def test_system_clock_shift_at_change_of_summer_time_began_on_calendar_day(
+    utc, began, central_europe, monkeypatch
+):
+    monkeypatch.setattr(time, "time", datetime(*utc, tzinfo=UTC).timestamp)
+    assert SystemClock().shift((6, 14, 22)) == began
+
+
+@pytest.fixture
+def central_europe(monkeypatch):
+    with monkeypatch.context() as zone:
+        zone.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
+        time.tzset()
+        yield
+    time.tzset()
 
 
 def test_shift_losses_are_grouped_and_sorted_by_frequency(shift):

@@ -17,7 +17,7 @@ from statuses import status_of
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.monitor import Monitor, Views, notify
 from runtime.monitoring.status import Status
-from runtime.table import dump, load
+from runtime.table import load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 STEP = Step(1, 0, small_table().nodes[0].squeeze, 174, 20_969, ~0, None)
@@ -64,14 +64,12 @@ def test_as_metrics_is_prometheus_text():
 
 
 @pytest.mark.parametrize("abstract", [False, True])
-def test_monitor_notifies_ready_watchdog_and_stopping(tmp_path, monkeypatch, *, abstract):
+def test_monitor_notifies_ready_watchdog_and_stopping(tree, tmp_path, monkeypatch, *, abstract):
     name = f"@squeezetree-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name[1:] if abstract else name)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
-        dump(small_table(), tmp_path / "small")
-        loaded = load(tmp_path / "small")
-        with Monitor(Deaf(), loaded, Path("small"), Views()) as monitor:
+        with Monitor(Deaf(), load(tree), tree, Views()) as monitor:
             monitor.ready()
             monitor.phase(3, Phase.SQUEEZE, 1)
             monitor.phase(3, Phase.DONE, None)
@@ -90,10 +88,9 @@ def test_notify_without_service_manager_raises_nothing(address, monkeypatch):
     notify("READY=1")
 
 
-def test_monitor_after_many_parts_holds_no_more_memory(tmp_path):
+def test_monitor_after_many_parts_holds_no_more_memory(tree):
     """All charts of a healthy and of a drifting cell; widths repeat after 500 parts."""
-    dump(small_table(), tmp_path / "t")
-    with Monitor(Deaf(), load(tmp_path / "t"), tmp_path / "t") as monitor:
+    with Monitor(Deaf(), load(tree), tree) as monitor:
 
         def run(first, last):
             for number in range(first, last):

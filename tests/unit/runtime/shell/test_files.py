@@ -76,6 +76,17 @@ def test_read_regular_file_beyond_the_limit_is_refused_not_cut(tmp_path, most_by
         read_regular(path, most_bytes)
 
 
+def test_writing_brings_draft_to_disk_before_it_replaces_file(tmp_path, monkeypatch):
+    path, seen = tmp_path / "t.json", []
+    path.write_text("old")
+    monkeypatch.setattr(
+        files, "bring_to_disk", lambda draft: seen.extend([draft.read_text(), path.read_text()])
+    )
+    with writing(path) as draft:
+        draft.write_text("new")
+    assert seen == ["new", "old"]
+
+
 def test_writing_planted_link_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "urandom", lambda count: bytes(count))
     victim, link = tmp_path / "victim", tmp_path / ".t.00000000.json"

@@ -1,6 +1,5 @@
 """TOML of unknown origin: a text that tomllib would parse for minutes is refused at once."""
 
-import time
 import tomllib
 from collections.abc import Callable
 
@@ -26,11 +25,10 @@ NESTED = {
 
 
 @pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
-def test_parse_deep_nesting_is_refused_quickly(text):
-    start = time.process_time()
+def test_parse_deep_nesting_is_refused_before_tomllib_reads_it(text, monkeypatch):
+    monkeypatch.setattr(tomllib, "loads", None)
     with pytest.raises(ValueError, match="nested too deeply"):
         parse(text)
-    assert time.process_time() - start < 1.0
 
 
 def test_parse_large_text_is_refused():

@@ -61,12 +61,12 @@ RECOVERIES += ["resqueeze,restart,next", "restart,resqueeze,stop"]
 def test_advance_any_readings_end_within_limit_of_policy(on_reject, on_unresolved):
     table, random = random_table(0, 20), Random(0)
     policy = Policy.of(on_reject, on_unresolved)
-    most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
-    for _ in range(100):
+    most = (len(policy.on_reject) + len(policy.on_unresolved)) * table.limits.max_depth
+    for percent in range(100):
         traversal, steps = TraversalState(), 0
         while traversal.outcome is None:
-            branches = table.nodes[traversal.node].branches
-            target = random.choice([None, *(branch.target for branch in branches)])
+            target = random.choice(table.nodes[traversal.node].branches).target
+            target = None if 100 * random.random() < percent else target
             traversal = advance(traversal, target, table, policy)
             steps += 1
             assert steps <= most

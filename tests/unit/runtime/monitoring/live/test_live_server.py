@@ -67,7 +67,19 @@ def test_page_server_silent_or_deaf_client_is_disconnected(monkeypatch, serving)
     assert fetched(serving, "/status.json")
 
 
-def test_page_server_too_many_clients_disconnects_oldest(serving):
+@pytest.fixture
+def patient(monkeypatch):
+    """A server waits longer for its clients than they for it."""
+    monkeypatch.setattr(server, "PATIENCE_S", 10.0 * WAIT_S)
+
+
+def test_page_server_endless_request_is_cut_off(patient, serving):
+    with connected(serving) as client, contextlib.suppress(ConnectionError):
+        client.sendall(b"A" * 100_000)
+        assert client.recv(1) == b""
+
+
+def test_page_server_too_many_clients_disconnects_oldest(patient, serving):
     with contextlib.ExitStack() as stack:
         idle = [stack.enter_context(connected(serving)) for _ in range(MOST_CLIENTS)]
         assert fetched(serving, "/status.json")
