@@ -74,5 +74,5 @@ class Problem:
         return self.model.simulator
 
     def belief(self, particles: int, rng: np.random.Generator) -> Belief:
-        """The initial belief: poses spread evenly over the disc, latent parameters drawn."""
+        """The initial belief: poses spread evenly over the job's uncertainty, latent parameters drawn."""
         return believed(self.job, particles, rng, evenly)

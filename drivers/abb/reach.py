@@ -138,7 +138,7 @@ class Wrist(NamedTuple):
 
 
 def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
-    """Angle of axis 1 with the hand at a place, rad; assumes that the tool lies on the last axis."""
+    """Angle of axis 1 that puts the hand at a place, rad; assumes that the tool lies on the last axis."""
     seen = compose(setup.table, Pose(x_mm, y_mm, 0.0, IDENTITY.rotation))
     return math.atan2(seen.y_mm, seen.x_mm)
 

@@ -22,7 +22,7 @@ class RtuLink(Master):
         return self._repeated(self._read_once)
 
     def write(self, register: int, value: int) -> None:
-        """Writes one register, once."""
+        """Writes one register; the request is sent once, and never repeated."""
         word = WriteSingleRegisterRequest(address=register, registers=[value], dev_id=self._unit)
         self.transact(word)
 

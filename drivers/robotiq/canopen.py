@@ -54,10 +54,10 @@ class CanMap(NamedTuple):
 
 
 class CanLink(ReportingLink):
-    """A gripper's two register blocks on a CANopen node.
+    """Reads and writes a gripper's two register blocks on a CANopen node.
 
-    Only bytes that change are written, as in the known client, since the device copes badly with many writes.
-    The link owns the connected network, and disconnects it.
+    Only bytes that change are written, since the device copes badly with many writes; the public client for
+    the 3-Finger gripper does the same. The link owns the connected network, and disconnects it.
     """
 
     def __init__(

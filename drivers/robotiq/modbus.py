@@ -55,7 +55,7 @@ def read_request(wiring: Wiring, count: int) -> ModbusPDU:
 
 
 class ModbusLink(Master):
-    """A gripper's two register blocks on one Modbus connection; by default with RTU frames."""
+    """Reads and writes a gripper's two register blocks over one Modbus connection, by default RTU."""
 
     wrong_device = (
         "check that it is a Robotiq 2F gripper, and unit, output, input and function of "

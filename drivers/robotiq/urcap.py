@@ -42,7 +42,7 @@ HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port
 
 
 class UrcapLink(StreamLink):
-    """A gripper's two register blocks behind the URCap; owns the connection."""
+    """Reads and writes a gripper's two register blocks through the URCap; owns the connection."""
 
     def __init__(self, stream: Stream, pace: Pace, report: Report = no_report) -> None:
         super().__init__(stream, pace, report)

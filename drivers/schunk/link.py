@@ -44,7 +44,7 @@ class SchunkLink(Master):
         return self._repeated(partial(self._read_once, PARAMETERS[name]))
 
     def write(self, name: str, *values: float) -> None:
-        """Writes a parameter, once."""
+        """Writes the elements of a parameter; the request is sent once, and never repeated."""
         parameter = PARAMETERS[name]
         self._write_data(parameter.address, parameter.pack(*values))
 

@@ -93,9 +93,9 @@ class Sums(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Bounds of the counts near each place where m ascending counts may be cut.
+    """The counts within reach of each place where m ascending counts may be cut, as two bounds.
 
-    An encoder that is a little off may read such a count on the other side of the cut.
+    An encoder that is slightly off may read such a count on the other side of the cut.
     """
 
     low: IntArray  # (m + 1,) index of the first count within reach of count i
@@ -230,9 +230,9 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Number of particles of counts i to j - 1 within the goal of the best candidates, and the best one.
+    """Most particles of counts i to j - 1 within the goal of one candidate, and the index of this candidate.
 
-    The best one is -1 where the goal allows several modes.
+    If the goal allows several modes, the number is for the best `modes` candidates, and the index is -1.
     """
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1

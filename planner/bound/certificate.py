@@ -132,7 +132,7 @@ class Certificate:
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans that belong to both classes: the greater of the two terms."""
+        """The bound for plans in the classes of both `leaves` and `overall`: the greater of their bounds."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property

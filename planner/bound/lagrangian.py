@@ -62,8 +62,8 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     """Least mean cost of any plan on the sample: squeezes, and a price for each claimed part that is missed.
 
-    A claim of n parts of which m are located costs price * (confidence n - m). After a history that was not
-    extended, every part costs one squeeze more and counts as located.
+    To claim n parts, of which m are located, costs price * (confidence n - m). After a history without longer
+    histories in `levels`, to go on costs one squeeze a part, and no part is counted as missed.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze

@@ -121,9 +121,9 @@ def _spaced(
     Args:
         course: tracks the progress.
         pause_s: least time between two lines.
-        last_s: time since the beginning at which a line counts as written; the first line follows `pause_s`
-            later.
-        line: formats the course, a stage and its detail.
+        last_s: time from which the first pause counts, in seconds since the work began; -inf: the first line
+            is written at once.
+        line: formats a line from the course, the name of a stage and its detail.
     """
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:

@@ -117,9 +117,9 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
     """Finds the main poses of parts that lie at `here` (n, 3), n >= 1, or their scatter about a single pose.
 
-    A leaf may be unresolved although it has a single main pose. If more than half of the parts outside the
-    goal are farther than `APART` from this pose, the main one of their poses is added, else the scatter is
-    measured.
+    A leaf may be unresolved although it has a single main pose. Parts farther than `APART` from this pose
+    are then taken to lie elsewhere: if they are more than half of the parts outside the goal, their main pose
+    is added as a second one, else the scatter of all other parts is measured.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:

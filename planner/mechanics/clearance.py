@@ -170,7 +170,11 @@ def classify_contact(outline: Array, jaws: Jaws, poses: Array) -> IntArray:
 
 @kernel
 def _least_room(outline: Array, poses: Array, opening: float, h: float, thickness: float) -> float:
-    """Least `_room` of a part at any of `poses` (n, 3) in the hand frame [mm]; -1 in collision."""
+    """Least distance along y between the open fingers and a part at any of `poses` (n, 3) [mm].
+
+    The poses are in the hand frame. The result is at most half the opening, and -1 if a finger stands on the
+    part at any pose.
+    """
     points = np.empty(outline.shape)
     least = 0.5 * opening
     for k in range(poses.shape[0]):

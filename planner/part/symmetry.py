@@ -58,7 +58,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """Returns the turn after which an outline differs least from itself, except the turns of its symmetry.
+    """Finds the turn, among those that are no symmetry of an outline, that changes the outline least.
 
     Tries turns by k / n of a circle, n up to `TURNS`; `symmetry` is the outline's rotational order.
     """

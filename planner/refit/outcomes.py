@@ -88,7 +88,10 @@ class Outcomes:
         return self.table.gripper.bin_of(EMPTY_UM)
 
     def _lying(self, leaf: IntArray, residuals: Array) -> IntArray:
-        """Returns the outcome numbers (m, 3) of residuals (m, 3) [mm, mm, rad] at audited leaves (m,)."""
+        """Returns the numbers (m, 3) of the outcomes x, y and theta of residuals (m, 3) [mm, mm, rad].
+
+        `leaf` (m,) has the audited leaf of each residual.
+        """
         metric = metric_of_table(self.table)
         off = residuals.copy()
         off[:, 2] = metric.rho_mm * wrap(off[:, 2], metric.order)

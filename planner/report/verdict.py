@@ -176,7 +176,7 @@ USUAL = 0.9  # share of located parts below which the grade of a cell is poor
 
 
 class CellResult(NamedTuple):
-    """The grade of a cell, with a sentence."""
+    """The grade of a cell, and a sentence that states the outcomes of its parts."""
 
     grade: Grade
     sentence: str

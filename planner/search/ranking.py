@@ -52,7 +52,7 @@ class Options(NamedTuple):
 
 
 class _Contest:
-    """The options of one belief during sequential halving."""
+    """A sequential halving of a belief's grasp poses: the remaining ones, and their outcomes so far."""
 
     def __init__(self, belief: Belief, placements: Array) -> None:
         """Sets up the first round; with many options it uses few particles, spread evenly in the belief."""

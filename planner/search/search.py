@@ -481,9 +481,10 @@ class Search:
             self.back_up(child)
 
     def _narrowed(self, node: Node, action: Action, cuts: IntArray, piece: int) -> Action:
-        """Restricts an action of a node to the particles in one piece of the readings before the squeeze.
+        """Restricts an action of a node to the particles of one piece of the node.
 
-        The pieces lie between the readings `cuts`.
+        Particles are in a piece by the reading that led to the node, before the squeeze of the action. `cuts`
+        separate the readings of the pieces, and `piece` is the number of the piece.
         """
         assert action.origin is not None
         before, after, rule = action.origin

@@ -16,7 +16,10 @@ from runtime.table import Table, job_of
 
 
 class Filmed(ContactWorld):
-    """The contact world of a job; it prints the width of each squeeze, and both poses in the hand frame."""
+    """The contact world of a job; prints each squeeze as JSON.
+
+    A printed squeeze has its width, and the part's poses before and after it in the hand frame.
+    """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Squeezes as the contact world, and prints the squeeze."""

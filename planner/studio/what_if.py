@@ -22,7 +22,10 @@ class Trial(NamedTuple):
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:
-        """The result for a value, read from the summary of the command, in the form of the log."""
+        """Returns the log's entry for a value: the share of parts located, and whether it is enough.
+
+        `summary` is the file with the results of the command that planned with the value.
+        """
         (row,) = json.loads(summary.read_text("utf-8"))
         located = row.get("success_rate", 0.0)
         enough = located >= self.confidence

@@ -109,7 +109,7 @@ class Watch:
             raise self._late()
 
     def _count(self) -> float:
-        """Adds the time since the last call to the called device's total; returns the clock's time."""
+        """Adds the time since the last count to the device called last; returns the clock's time."""
         now = self._clock.now()
         self._spent[self._called] += now - self._since
         self._since = now

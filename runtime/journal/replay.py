@@ -115,7 +115,7 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields the contradictions between a record's part and node and the part and node of the path."""
+        """Yields in which ways a record's part and node differ from those that the replay has reached."""
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

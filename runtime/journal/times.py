@@ -1,4 +1,4 @@
-"""Seconds of a journal's parts: phase by phase, and as a distribution."""
+"""Statistics of the time that a journal's parts took: mean of each phase, and distribution of the total."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""Base class of the servers of an exchange: an event loop in a thread, with a deadline for its end."""
+"""Base class of the servers for a PLC: an event loop in a thread, with a deadline for its end."""
 
 import asyncio
 import signal

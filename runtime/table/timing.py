@@ -121,7 +121,7 @@ class Timing:
 
     @classmethod
     def of(cls, limits: Limits, gripper: GripperSpec, job: Mapping[str, Any] | None) -> Self:
-        """The timing of a table's limits, its gripper and its job, if it has one.
+        """Computes the timing from a table's limits, its gripper and, if the table has one, its job.
 
         Raises:
             TableError: the gripper is unknown, or the job's figures are impossible.

@@ -40,7 +40,7 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 
 def parser() -> Parser:
-    """Returns the parser of `judge`; it lists `report` and `study`, which other parsers read."""
+    """Returns the parser of `judge`; its help lists `report` and `study` too, which have separate parsers."""
     purpose = "Was the answer right, in millimetres?"
     built = Parser(prog="grasp-audit", description=purpose, epilog=EPILOG)
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")

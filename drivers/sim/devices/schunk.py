@@ -164,7 +164,7 @@ class SchunkModel(Fingers):
         return float(value)
 
     def next_request(self, now_s: float) -> None:
-        """Counts one more request; a ready device fails if the silence before it exceeded `silence_s`."""
+        """Counts a request; a ready device fails if the silence before the request exceeded `silence_s`."""
         super().next_request(now_s)
         lost_s = self._heard_s + self.silence_s
         if lost_s < now_s and self._status & Status.READY:

@@ -159,7 +159,7 @@ class TableTop:
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _drawn(self, part: int) -> int:
-        """Draws by the shares which of the possible parts lies on the table; returns its index."""
+        """Draws which of the possible parts lies on the table, by their shares; returns its index."""
         if not self._shares:
             return 0
         draw = random.Random(f"{self._seed}/hypothesis/{part}")

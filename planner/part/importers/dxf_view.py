@@ -281,7 +281,10 @@ def _moved(shape: path.Path, origin: Vec3) -> path.Path:
 
 
 def _spline(entity: Spline, tolerance: float) -> Array:
-    """A B-spline of degree p as a polyline (n, 2), over its domain: from knot p to the last but p."""
+    """Converts a B-spline of degree p with k control points to a polyline (n, 2).
+
+    The polyline covers the spline's domain, from knot p to knot k, counted from 0.
+    """
     degree, knots = entity.dxf.degree, np.array(entity.knots)
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))

@@ -71,7 +71,7 @@ def read_outline(path: Path, options: Options) -> Imported:
 
 
 def read_contours(path: Path, options: Options) -> list[Contour]:
-    """Returns all contours of a drawing; `Options.contour` is the number of one of them, from 1.
+    """Returns all contours of a drawing, in the order in which `Options.contour` numbers them from 1.
 
     Raises:
         UsageError, InputError: see `read_outline`.

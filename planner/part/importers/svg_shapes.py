@@ -50,7 +50,7 @@ def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
 
 
 def _path(kind: str, values: Values) -> svgelements.Path | None:
-    """A path; None where a shape has no extent, which SVG does not draw."""
+    """Converts a shape to a path; None if the shape has no extent, since SVG does not draw it."""
     if kind == "path":
         text = values.style.get("d", "")
         if not PATH.fullmatch(text):
