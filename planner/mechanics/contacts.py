@@ -60,6 +60,7 @@ OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the pa
 VERTEX_MM = 2e-4  # A point this near a vertex touches both edges; steps pass an end by less
 DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
+DEEP_MM = 0.02  # A corner deeper behind an edge is in front of another one, or an edge runs into a finger
 FAR = 7  # Bits of `mark` for a vertex far from the fingers
 END_DEPTH_MM = 0.01  # Least depth behind the inner face of a vertex that touches a finger's end
 
@@ -243,7 +244,7 @@ def _add_corners(
         dx, dy = x - x0, face - y0
         gap = dx * ey - dy * ex
         along = dx * ex + dy * ey
-        if gap < -margin or gap > margin:
+        if gap < -min(margin, DEEP_MM) or gap > margin:
             continue
         if along < -_slack_mm(points, i) or along > length + _slack_mm(points, j):
             continue

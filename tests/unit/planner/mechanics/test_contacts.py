@@ -54,7 +54,7 @@ def scenes(seed: int, count: int, radius: float = 30.0):
 def test_find_fingers_side_by_side_equals_each_alone():
     """Both fingers of a pushing hand face the same way; each has the contacts of a single finger."""
     rng, apart, near_both = np.random.default_rng(13), 5.0, 0
-    for _, points, pose in scenes(5, 150):
+    for _, points, pose in scenes(5, 300):
         face = points[:, 1].max() - rng.uniform(0.0, 3.0)
 
         def rows(middle: float, *centres: float, points=points, pose=pose, face=face):

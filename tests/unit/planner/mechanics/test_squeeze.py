@@ -57,6 +57,23 @@ def test_squeeze_finger_in_a_notch_moves_the_part_until_both_touch():
         assert lowest_mm < -0.5 * width_mm + 0.01, "the lower finger touches nothing"
 
 
+def test_squeeze_finger_corner_between_two_teeth_carries_the_part_to_the_other_finger():
+    """A corner in front of a tooth that is thinner than a step is not inside of it."""
+    right = [(19.0, -3.6), (19.0, -2.7), (18.0, -2.7), (18.0, -1.7), (19.0, -1.7), (19.0, -0.8)]
+    right += [(18.0, -0.8), (18.0, 3.7)]
+    comb = np.array([*right, *((-x, y) for x, y in reversed(right))])
+    corner_mm = 0.5 * JAWS.length_mm
+    low, high = (-corner_mm - 4.0, -12.0, 1.53), (-corner_mm - 1.0, -2.0, 1.62)
+    poses = np.random.default_rng(2).uniform(low, high, (1000, 3))
+    rig = simulator(comb, JAWS, step_mm=0.8)
+    ended = rig.roll_out(poses, rig.nominal(len(poses), 0.3))
+    assert ended.given_up.mean() < 0.005
+    names = np.array(STATUS_NAMES)[ended.status]
+    held = np.isin(names, ("grasped", "jammed")) & (ended.given_up == 0)
+    assert held.sum() > 200
+    assert ended.width_mm[held].max() < 38.8, "wider than the part is long"
+
+
 def test_squeeze_finger_in_a_shoulder_corner_is_rarely_given_up():
     """The corner of a finger that is slightly inside the shaft still stands on the shoulder beside it."""
     shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
