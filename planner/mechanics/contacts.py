@@ -60,7 +60,7 @@ OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the pa
 VERTEX_MM = 2e-4  # A point this near a vertex touches both edges; steps pass an end by less
 DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
-DEEP_MM = 0.02  # A corner deeper behind an edge is in front of another one, or an edge runs into a finger
+DEEP_MM = 0.02  # Depth behind an edge from which a corner faces another edge, or edges overlap
 FAR = 7  # Bits of `mark` for a vertex far from the fingers
 END_DEPTH_MM = 0.01  # Least depth behind the inner face of a vertex that touches a finger's end
 
