@@ -30,7 +30,7 @@ from runtime.table import HELD_UM
 CONTACT_MARGIN_MM = 2.0
 """Margin of the first contact beyond the particles of a belief, since they are only samples."""
 SHARE_DECIMALS = 2
-"""Rounding of shares of the closing: parts with the same one count as being as wide as the widest of them."""
+"""Rounding of shares of the closing: all parts of one share count with the widest contact among them."""
 SPARE_MM = 2.0
 """Excess of an opening, unless it is the full one, over the width of the first contact."""
 LEAST_PARTICLES = 400
