@@ -50,7 +50,7 @@ def section(page: str, title: str) -> str:
 
 def rows(text: str, first: str = "") -> list[list[str]]:
     """The cells of the only table whose head begins with `first`, without the head."""
-    head = rf"^\| {re.escape(first)}.*\n\| ---.*\n"
+    head = rf"^\| {re.escape(first)}.*\n\|---.*\n"
     (table,) = re.findall(rf"{head}((?:\|.*\n?)+)", text, re.MULTILINE)
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
 
