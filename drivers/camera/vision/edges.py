@@ -1,8 +1,8 @@
 """Refines the corners of a tag to a few hundredths of a pixel: they are intersections of its edge lines.
 
 Profiles of grey levels are read across each side. The edge in a profile is the centroid of the slope within a
-window centred on that edge, so that blur does not move it. A line is fitted to the edges of a side without
-outliers (a stain, a finger's shadow).
+window. The window is centred on the edge, so that blur does not move the result. A line is fitted to the
+edges of each side, without outliers (a stain, a finger's shadow).
 """
 
 from typing import NamedTuple
