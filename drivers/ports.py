@@ -27,8 +27,8 @@ MOST_COUNT = 255  # greatest count of a device that reports widths as counts
 # Greatest distance of a point of an unknown gripper, or of the part that it holds, from the hand's axis.
 TURN_RADIUS_MM = 160.0
 
-# Receives every retry and failure on a link as a record: its kind and its fields. The method `record` of a
-# journal is one.
+# Function that receives every retry and failure on a link as a record: its kind and its fields. The method
+# `record` of a journal is such a function.
 Report = Callable[[str, Mapping[str, object]], None]
 
 
@@ -37,7 +37,7 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 
 
 class ObjectState(IntEnum):
-    """Whether and how an object stopped the fingers; a journal holds the number."""
+    """Whether and how an object stopped the fingers; a journal stores the number of the state."""
 
     NONE = 0  # unknown: the fingers are moving, or were never asked to move
     OPENING = 1  # something stopped the fingers while opening
@@ -61,7 +61,7 @@ class GripperProfile:
     model: str  # name in jobs
     stroke_um: int  # width of the jaws fully open; closed on nothing they read 0
     resolution_um: float  # step of a reading
-    noise_um: int  # standard deviation of a reading, beside its rounding
+    noise_um: int  # standard deviation of a reading, without its rounding
     speed_mm_s: tuple[float, float]  # rate of the width, slowest and fastest
     force_n: tuple[float, float]  # grip force, weakest and strongest
     held_um: int = 2000  # width from which closed fingers are expected to hold a part
@@ -204,7 +204,7 @@ class Gripper(Protocol):
 
 @runtime_checkable
 class Arm(Protocol):
-    """An arm that places the point midway between the finger tips, hand pointing down."""
+    """An arm whose hand points down; its poses are those of the point midway between the finger tips."""
 
     def pose(self) -> PoseOfHand:
         """Reads the pose of the hand; the angle counts whole turns of the wrist.

@@ -20,7 +20,7 @@ Box = tuple[float, float, float, float, float, float]  # mm: least x, y, z, then
 
 
 class Setup(NamedTuple):
-    """Frames and limits of an arm, and whether it may be moved."""
+    """Frames and limits of an arm, and whether motions are allowed."""
 
     # tool frame in the flange frame: the point midway between the finger tips, z out of the flange
     tool: Pose = IDENTITY
@@ -82,7 +82,7 @@ def within_irb_120(flange: Pose) -> bool:
 def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
     """Returns a function that says whether a pose of the flange is within `setup.reach_mm` of the base.
 
-    It is for arms other than the IRB 120, whose kinematics are not modelled.
+    The function is for arms other than the IRB 120: their kinematics are not modelled.
     """
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
@@ -123,7 +123,7 @@ class Wrist(NamedTuple):
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """Predicts the sum of hand angle and last axis at a place, rad; unchanged if the base is unknown."""
+        """Predicts the sum of hand angle and last axis at a place, rad; the last sum without a known base."""
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)

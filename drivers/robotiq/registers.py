@@ -149,7 +149,7 @@ def fault_text(code: int) -> str:
 
 
 def is_major(code: int) -> bool:
-    """Whether only a reset clears a fault; an unknown one counts as major, as in Robotiq's own SDK."""
+    """Whether only a reset clears a fault; an unknown fault counts as major, as in Robotiq's own SDK."""
     return code != 0 and code not in PRIORITY | MINOR
 
 

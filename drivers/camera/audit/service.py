@@ -143,7 +143,7 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Limits the growth of this process's address space to `memory_mb` and `RESERVE_BYTES` together.
+    """Limits the growth of this process's address space to `memory_mb` plus `RESERVE_BYTES`.
 
     Returns:
         A function that says whether resident memory has grown by more than `memory_mb`.

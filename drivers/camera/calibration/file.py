@@ -26,7 +26,7 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place that the calibration causes, on a grid over the table."""
+    """Standard deviations of measured places due to errors of the calibration, on a grid over the table."""
 
     x_mm: Array  # (m,) ascending
     y_mm: Array  # (n,) ascending

@@ -35,8 +35,8 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     `size` is width and height of the pictures, in pixels.
 
     Raises:
-        InputError: there are too few views or too little tilt, some corner of the picture shows the board in
-            no view, or residuals are large.
+        InputError: there are too few views or too little tilt, the board was never near one of the picture's
+            corners, or residuals are large.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]

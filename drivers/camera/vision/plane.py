@@ -33,7 +33,10 @@ class View:
         return bool(self.eye[2] < 0.0)
 
     def on_plane(self, pixels: Array, height_mm: float = 0.0) -> Array:
-        """Intersects rays of pixels (n, 2) with a level plane: (n, 2) world x and y, mm; NaN without one."""
+        """Intersects rays of pixels (n, 2) with a level plane; returns (n, 2) world x and y, mm.
+
+        A ray that does not meet the plane has NaN.
+        """
         rays = self.lens.rays(np.asarray(pixels, np.float64).reshape(-1, 2))
         heading = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation
         eye = self.eye
@@ -56,7 +59,10 @@ class View:
         return self.pixels(np.column_stack([places, np.full(len(places), height_mm)]))
 
     def moved(self, pose: Pose2) -> "View":
-        """The same view in another world frame, whose pose in the present one is `pose` (mm, mm, rad)."""
+        """The same view in another world frame.
+
+        `pose` is the pose of that frame in the present world frame: mm, mm, rad.
+        """
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         shift = np.array([pose[0], pose[1], 0.0])
