@@ -97,10 +97,10 @@ class TableTop:
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """Moves the held part, if any, with the hand to a grasp pose.
+        """Moves the part, if it is held, with the hand to a grasp pose.
 
         Returns:
-            False if the lifted part has slipped out instead, else True.
+            False if the part was lifted and has slipped out instead, else True.
         """
         if self._held is None:
             return True
