@@ -11,7 +11,7 @@ POLL_S = 0.005  # time between two polls of a busy device; 2F grippers refresh a
 
 
 class Clock:
-    """The machine's monotonic clock, in wall seconds; a cell on virtual time overrides it."""
+    """The machine's monotonic clock, in wall seconds; base class of a virtual cell's clock."""
 
     def now(self) -> float:
         """Seconds since a moment that stays the same while the process runs."""
@@ -75,7 +75,7 @@ class Pace:
             self.idle(deadline, seconds)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields, before each read of the caller, the wall seconds left; ends after `LATE_LOOKS` late reads.
+        """Yields the wall seconds left, before each read by the caller; ends after `LATE_LOOKS` late reads.
 
         A read is late if it begins at the deadline or after it. Late reads receive data that arrived in time
         while this process was stopped.

@@ -117,13 +117,13 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connects to an arm; may send settings to it, moves nothing.
+    """Connects to an arm; moves nothing, but may send settings.
 
     Frames and limits may follow the address (drivers/abb/README.md). With `read_only` no setting is sent, and
     every motion is refused.
 
     Raises:
-        PortError: the connection is refused, the address is invalid, or its driver cannot be loaded.
+        PortError: the connection is refused, the address is invalid, or the driver cannot be loaded.
         ArmError: the other side is not such an arm.
     """
     opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
@@ -134,8 +134,7 @@ def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Opens an arm whose motions a person carries out, and the simulated arm that repeats them, if any.
 
     Raises:
-        PortError: the address is neither `manual` nor `manual+` and the address of an arm, or that arm cannot
-            be opened.
+        PortError: the address is not understood, or the simulated arm cannot be opened.
     """
     from drivers.manual import ManualArm
 
@@ -199,7 +198,10 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
 
 
 def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
-    """Opens a device with another package's driver; an unexpected error becomes a PortError with its name."""
+    """Opens a device with the driver of another package.
+
+    An unexpected error of the driver becomes a PortError that names the driver.
+    """
     name, open_device = _plug_in(makes, scheme, port)
     try:
         device = open_device(port, *settings, **options)

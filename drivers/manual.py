@@ -1,8 +1,8 @@
 """A person in place of a device: gets instructions on standard error, answers on standard input.
 
-`manual` as an arm: a person moves the hand, or only the gripper. `manual+ADDRESS`: the same, and a
-simulated arm follows the hand, so that its gripper meets the simulated part. `manual` as a gripper: a person
-closes calipers and types the width.
+As an arm, `manual` has a person move the hand of an arm, or a gripper without an arm. With `manual+ADDRESS`,
+a simulated arm follows the person's motions, so that the simulated gripper meets the simulated part. As a
+gripper, `manual` has a person close calipers and type the width.
 """
 
 import math

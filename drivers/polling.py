@@ -250,7 +250,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
 
 def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
-    """Greatest setting of a device whose value does not exceed `value`; `first` if there is none.
+    """Greatest setting of a device that stands for at most `value`; `first` if there is none.
 
     Args:
         value: the value, in the unit of `ends`.

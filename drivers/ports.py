@@ -91,7 +91,7 @@ class GripperProfile:
         return _within(40.0, self.force_n)
 
     def fastest_grip_mm_s(self, force_n: float) -> float:
-        """Greatest closing speed (rate of the width) at which the gripper still exerts a force."""
+        """Greatest closing speed (rate of the width) at which the gripper still exerts a given force."""
         if self.grip_mm_s is None:
             return self.speed_mm_s[1]
         return max(self.grip_mm_s * force_n / self.force_n[1], self.speed_mm_s[0])
@@ -255,7 +255,7 @@ class Truth(NamedTuple):
 
 
 class Scene(Protocol):
-    """Stand-in for the feeder, with the ground truth; only a simulated cell has one."""
+    """Stand-in for the feeder of a simulated cell, and source of the ground truth."""
 
     def next_part(self) -> int:
         """Removes the part, brings the next and returns its number."""

@@ -35,7 +35,7 @@ class StalledError(TimeoutError):
 
 
 class Stream(Protocol):
-    """An open connection. Both directions raise an OSError once it is gone."""
+    """An open connection. Sending and receiving raise an OSError once the connection is gone."""
 
     endpoint: str  # name of the connection in messages
 

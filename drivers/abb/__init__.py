@@ -1,1 +1,1 @@
-"""Drivers of ABB arms (IRC5, OmniCore), and what other makes share: poses, checks of reach, a base class."""
+"""Drivers of ABB arms (IRC5, OmniCore), and what they share with UR arms: poses, checks, a base class."""

@@ -79,7 +79,7 @@ class Arm(UprightArm):
     def close(self) -> None:
         """Disconnects without moving the arm.
 
-        Sends no closing command if the state of the arm is unknown, as after a missing reply.
+        Sends no closing command if the state of the arm is unknown, for example after a missing reply.
         """
         if not self._unknown:
             with contextlib.suppress(OSError):

@@ -123,7 +123,10 @@ class Wrist(NamedTuple):
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """Predicts the sum of hand angle and last axis at a place, rad; the last sum without a known base."""
+        """Predicts the sum of hand angle and last axis at a place, rad.
+
+        If the base is unknown, returns the sum of the last reading.
+        """
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)

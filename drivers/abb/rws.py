@@ -134,11 +134,11 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self, until: float) -> http.client.HTTPSConnection:
-        """Connects before a deadline, and checks that the controller has the certificate that was stated.
+        """Connects before a deadline, and checks the controller's certificate.
 
         Raises:
-            RwsError: the controller has another certificate, no certificate was stated, or the file of the
-                stated one cannot be read.
+            RwsError: the certificate is another than the environment states, the environment states none, or
+                its file cannot be read.
             OSError: no connection in time.
         """
         stated = os.environ.get(CERTIFICATE, "")

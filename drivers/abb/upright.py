@@ -103,7 +103,8 @@ class UprightArm(ABC):
         """Moves the hand straight to the target, and returns when it is at rest.
 
         Raises:
-            ArmError: the hand did not arrive in time; the arm's state is unknown.
+            ArmError: the motion was refused before it began; or the hand did not arrive in time, and the
+                arm's state is unknown.
         """
 
     def pose(self) -> ArmPose:

@@ -67,7 +67,7 @@ class ArmContract:
         assert rig.moves == 0
 
     def test_move_ends_at_its_target(self, rig: ArmRig) -> None:
-        """Each move ends within 0.001 mm of its target; `pose` reports it within 0.011 mm and 0.003 rad."""
+        """Each move ends within 0.001 mm of its target, and `pose` within 0.011 mm and 0.003 rad of it."""
         rng = random.Random(1)
         with rig.open() as arm:
             a = 0.0

@@ -77,7 +77,7 @@ class GripperContract:
         assert rig.commands() == before
 
     def test_wait_after_activate_and_move_returns_at_target(self, rig: GripperRig) -> None:
-        """Without a part, `wait` returns the requested width: first of a closing, then of a half opening."""
+        """Without a part, `wait` returns the requested width, after closing and after opening half way."""
         with rig.open() as gripper:
             profile = gripper.profile
             gripper.activate()
@@ -123,7 +123,7 @@ class GripperContract:
         assert not rig.commanded()
 
     def test_stop_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
-        """After `stop` the jaws stand still, and are not closed yet."""
+        """After a `stop` during closing, the jaws stand still and are not closed."""
         with rig.open() as gripper:
             gripper.activate()
             close(gripper)

@@ -1,8 +1,8 @@
 """A DH gripper's registers over Modbus RTU.
 
 An answer does not say which request it belongs to. A reading takes two requests, for blocks of different
-lengths, so the length of a late answer is usually wrong, and it is discarded. Since that is not certain, the
-device logic does not rely on a single reading.
+lengths, so a late answer usually has the wrong length and is discarded. Since that is not certain, the device
+logic does not rely on a single reading.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,8 @@
-"""Encodes Modbus requests, and finds and decodes their answers in received bytes; pymodbus does the coding.
+"""Modbus requests and answers as bytes: encodes a request, and finds its answer in received bytes.
 
 On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
 echo suppression) or after an answer to another master. So the search for an answer starts at every byte.
+Encoding and decoding are left to pymodbus.
 """
 
 import logging

@@ -62,8 +62,8 @@ class UrcapLink(StreamLink):
     def write(self, block: bytes) -> None:
         """Writes the output block, once, in one line; GTO 1, which starts a motion, comes last.
 
-        ACT is sent only in a block without rGTO, and only if it differs from the value last read: otherwise a
-        gripper that lost power meanwhile would start its activation sweep.
+        ACT is sent only if rGTO is 0 and ACT differs from the value last read: otherwise a gripper that lost
+        power meanwhile would start its activation sweep.
         """
         image = unpack(OUTPUT_FIELDS, block)
         if image["rGTO"]:

@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """A kind of events that are counted; a fault begins and ends at numbers of the events of one channel."""
+    """A kind of events that are counted for each part; the counts say when a fault begins and ends."""
 
     LINE = "line"  # requests that reach the gripper's end of the line, and their answers
     GRIPPER = "gripper"  # the same requests; the registers or the device itself fail

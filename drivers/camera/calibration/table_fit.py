@@ -36,7 +36,7 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """Converts the board's pose to the camera's view of the table.
+    """Derives the camera's view of the table from the pose of the board on the table.
 
     The origin of the world is on the table, below the board's middle; x points to the right of the print.
 

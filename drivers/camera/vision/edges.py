@@ -114,7 +114,12 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
 
 
 def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] | None:
-    """Fits a line to the edge points of a side without outliers.
+    """Fits a line to the edge points of a side, leaving out outliers.
+
+    Args:
+        along: (m,) places of the profiles along the side, px.
+        edge: (m,) offset of the edge in each profile, px.
+        sharp: (m,) whether the profile shows an edge.
 
     Returns:
         Offset, slope and rms residual; None if too few points remain.

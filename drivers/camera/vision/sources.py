@@ -165,7 +165,7 @@ class Stream(Source):
             return self._frame
 
     def close(self) -> None:
-        """Stops reading; a read that hangs is left to its thread."""
+        """Stops reading; a read that hangs goes on in its thread."""
         self._closed.set()
         self._thread.join(RETRY_S)
 

@@ -1,7 +1,7 @@
 """The optics of the simulated camera: the ray of each point of the picture.
 
-The measuring code projects and distorts by OpenCV. This module does so by formulas of its own, so that a
-mistake in one of them shows.
+The measuring code projects and distorts by OpenCV, this module by formulas of its own. So a mistake in one of
+them shows.
 """
 
 from dataclasses import dataclass, replace

@@ -182,7 +182,10 @@ class Fingers(ABC):
         self._faults = self._desk.holding(Channel.GRIPPER)
 
     def _report(self, code: int, now_s: float) -> None:
-        """Starts the fault that corresponds to a gFLT code of Robotiq in this make; by default, none does."""
+        """Starts what corresponds in this make to a Robotiq fault, given by its gFLT code.
+
+        By default, nothing corresponds to it.
+        """
         del code, now_s
 
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:

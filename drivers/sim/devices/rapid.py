@@ -38,7 +38,7 @@ def pose_string(pose: Pose, decimals: int) -> str:
 
 
 def match(text: str, position: int, pattern: str) -> int:
-    """Searches `pattern` from `position` on, as RAPID's StrMatch does; returns its 1-based index.
+    """Searches for `pattern` from `position` on, as RAPID's StrMatch does; returns its 1-based index.
 
     Without a match, the index is one past the end.
     """

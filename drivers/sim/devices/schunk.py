@@ -21,7 +21,7 @@ _BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()
 
 
 class Module(NamedTuple):
-    """Parameters of one model that no client can write and its profile does not state."""
+    """Parameters of one model that are read-only and not in the model's profile."""
 
     module_type: int
     grip_mm_s: float  # velocity of a grip with 100 percent of the force

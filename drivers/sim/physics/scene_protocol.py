@@ -94,7 +94,10 @@ class Scene(Feeder):
 
 
 def open_port(answer: Callable[[str], Mapping[str, object]], site: Site) -> int:
-    """Opens a TCP port that answers scene requests; a request to quit stops the site. Returns its number."""
+    """Opens a TCP port that answers scene requests; returns the number of the port.
+
+    A request to quit stops the site.
+    """
 
     def answered(line: bytes) -> bytes:
         said = _reply(line, answer)

@@ -47,7 +47,7 @@ class TableTop:
     def next_part(self) -> int:
         """Puts the next part on the table, and returns its number.
 
-        The pose depends only on seed and number.
+        The pose of the part depends only on the seed and this number.
         """
         self.part += 1
         self.squeezes = self.crashes = self.drops = 0
@@ -111,7 +111,7 @@ class TableTop:
         return True
 
     def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
-        """Pushes the part if the hand went straight ahead, along its x, on the table with empty jaws.
+        """Pushes the part if the hand moved straight along its own x on the table, with empty jaws.
 
         The part stays after any other motion, and in a world that cannot push.
 

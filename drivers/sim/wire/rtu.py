@@ -125,7 +125,7 @@ async def exchange(
         byte_s: duration of a byte, simulated seconds.
 
     Raises:
-        OSError: the connection broke, or the fault schedule has unplugged it.
+        OSError: the connection broke, or the fault schedule has unplugged the line.
     """
     outbox = Outbox(byte_s, site.at, write)
     while True:
@@ -142,7 +142,7 @@ async def exchange(
 
 
 def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None) -> int:
-    """Opens a TCP port that serves one client after the other; returns its number.
+    """Opens a TCP port that serves one client after the other; returns the number of the port.
 
     Args:
         slave: the device.

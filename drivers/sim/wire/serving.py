@@ -100,7 +100,7 @@ class Site:
         return number
 
     def answer_lines(self, answer: Callable[[bytes], bytes], most_bytes: int) -> int:
-        """Opens a TCP port that answers each line; returns its number."""
+        """Opens a TCP port that sends `answer(line)` for each line; returns the number of the port."""
 
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             while True:
@@ -141,7 +141,7 @@ class Site:
 
 
 class LibraryServer:
-    """A server of the standard library, which serves in a thread until it is closed."""
+    """Runs a server of the standard library in a thread, until it is closed."""
 
     def __init__(self, server: socketserver.TCPServer) -> None:
         self._server = server
