@@ -154,7 +154,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Formats a reading for a message."""
 
     def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
-        """Whether the device has accepted the request."""
+        """Whether a reading shows that the device has received the request of a move."""
         return self._target(seen) == move.target
 
     def _require_obeyed(self, seen: Seen, doing: str) -> None:

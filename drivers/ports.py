@@ -74,8 +74,8 @@ class GripperProfile:
     fingers_mm: tuple[float, float] = (25.0, 10.0)
     # Counts of the open and closed jaws, if the device counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
-    # Greatest rate of the width at which it exerts its whole force; with less force it is proportionally
-    # lower. None: it exerts any force at any speed.
+    # Greatest rate of the width at which the gripper exerts its whole force; for less force, the rate is
+    # proportionally lower. None: the gripper exerts any force at any speed.
     grip_mm_s: float | None = None
     # Distance of the gripper's farthest point from its axis, jaws open, with the maker's fingers.
     radius_mm: float = TURN_RADIUS_MM
@@ -181,8 +181,9 @@ class Gripper(Protocol):
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Requests a width on the grid of readings, and returns at once.
 
-        A negative width closes the fingers; the stroke opens them as far as they go. The device is set to its
-        greatest speed and force that do not exceed the arguments, or else to its least ones.
+        A negative width closes the fingers as far as they go; a width equal to the stroke opens them as far
+        as they go. The device is set to its greatest speed and force that do not exceed the arguments, or
+        else to its least ones.
 
         Raises:
             GripperFault: the gripper is not ready, or reports a fault.

@@ -144,7 +144,7 @@ def track(
 
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
-    """Adds whole turns to each joint, so that it is nearest to the same joint in `before_deg`."""
+    """Adds whole turns to each joint, so that its angle is nearest to the one in `before_deg`."""
     pairs = zip(joints_deg, before_deg, strict=True)
     return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 

@@ -109,7 +109,7 @@ class Arm(UprightArm):
         """Reads the module and the routine at the program pointer; None for each that is unknown."""
         states = self._states(POINTER)
         line = next((state for state in states if state.get("_title") == "progpointer"), {})
-        # RWS spells it `modulemame`.
+        # RWS spells the name `modulemame`.
         return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:

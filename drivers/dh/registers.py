@@ -1,8 +1,8 @@
 """Registers of the AG and PGC series.
 
 Sources: [AG] "AG-95 Gripper Short Manual (Modbus-RTU)", [PGC] "PGC-50 Gripper Short Manual", and [PGE] "PGE-2
-Gripper User Manual" V1.0 (2021). The manual of the PGC series and [PGE] list the same registers as [PGC].
-Every register is one word; functions 03, 06 and 16 are served ([PGE] 3.3.2).
+Gripper User Manual" V1.0 (2021). The registers are those of [PGC]; [PGE] and the manual of the PGC series
+list the same. Every register is one word; functions 03, 06 and 16 are served ([PGE] 3.3.2).
 """
 
 from enum import IntEnum

@@ -13,7 +13,7 @@ from drivers.errors import GripperFault
 
 
 class Field(NamedTuple):
-    """A field of a register block: `width` bits of byte `byte`, of which `shift` is the lowest.
+    """A field of a register block: `width` bits of the byte with number `byte`, from bit `shift` up.
 
     `source` names the page of the manual, and says what the values mean.
     """

@@ -119,7 +119,7 @@ class Fault(NamedTuple):
 
 
 class Listed:
-    """A schedule that lists its faults."""
+    """A schedule with a fixed list of faults."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults = tuple(faults)

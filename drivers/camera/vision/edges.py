@@ -31,7 +31,7 @@ class Corners(NamedTuple):
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refines the corners of a tag's black border; None where an edge is not seen well enough.
+    """Refines the corners of a tag's black border; returns None if an edge is not seen well enough.
 
     Args:
         picture: (h, w) grey levels.
@@ -75,7 +75,10 @@ def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
 
 
 def _sample(picture: Picture, spots: Array) -> Array | None:
-    """Grey levels at (..., 2) x and y, bilinearly interpolated; None where a point is outside the picture."""
+    """Interpolates the grey levels at places (..., 2), x and y in pixels, bilinearly.
+
+    Returns None if a place is outside the picture.
+    """
     x, y = spots[..., 0], spots[..., 1]
     height, width = picture.shape
     if not (x.min() >= 0 and y.min() >= 0 and x.max() < width - 1 and y.max() < height - 1):

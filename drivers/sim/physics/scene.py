@@ -49,7 +49,10 @@ class Geometry(NamedTuple):
 
     @property
     def reach_mm(self) -> float:
-        """Greatest hand height at which open fingers meet the part: `height_mm`, or else `closing_mm`."""
+        """Greatest hand height at which open fingers meet the part.
+
+        It is the height of the part or, if that is unknown, `closing_mm`.
+        """
         return self.closing_mm if self.height_mm is None else self.height_mm
 
     @property

@@ -85,7 +85,10 @@ class TableTop:
         return width_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
-        """Completes the squeeze: puts the part at the world's final pose, held if the fingers met it."""
+        """Completes the squeeze: moves the part to the final pose that the world has computed.
+
+        If the fingers met the part, they hold it from now on.
+        """
         self.pose, self.status = self._coming
         self._held = None if self._hand is None else relative(self._hand, self.pose)
         self.squeezes += 1
@@ -174,7 +177,7 @@ class TableTop:
 
 
 class Vice(TableTop):
-    """A table without parts, to which the setting's block is fixed."""
+    """A table without parts; the block of the setting is fixed to it."""
 
     def squeeze(self, hand: Pose2) -> float | None:
         """Counts a squeeze; returns the reading at which the first finger to touch the block stops both.
