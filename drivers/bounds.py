@@ -20,7 +20,7 @@ class EndlessError(OSError):
 class BoundedSocket:
     """A connected socket with a deadline and a limit of received bytes, for use by `http.client`.
 
-    `allow` sets both for the next exchange; before its first call, every transfer times out.
+    `allow` sets both for the next exchange; before the first `allow`, every transfer times out.
 
     Args:
         connection: the socket, with TLS if used; closed with this object.
@@ -54,7 +54,7 @@ class BoundedSocket:
         return io.BufferedReader(_Incoming(self))
 
     def close(self) -> None:
-        """Disconnects as soon as the files made by `makefile` are closed, too."""
+        """Closes the socket; the connection ends once the files from `makefile` are closed, too."""
         self._socket.close()
 
     def _set_timeout(self) -> None:
@@ -94,7 +94,7 @@ def opener(until: float, most_bytes: int) -> urllib.request.OpenerDirector:
 
 
 class _Incoming(io.RawIOBase):
-    """Unbuffered file of the data that a bounded socket receives; reading enforces its bounds."""
+    """Unbuffered file of the data that a `BoundedSocket` receives, within the deadline and the size limit."""
 
     def __init__(self, bounded: BoundedSocket) -> None:
         self._bounded = bounded

@@ -1,4 +1,4 @@
-"""Time in the drivers: a replaceable clock, and budgets in the devices' seconds."""
+"""Time in the drivers: a replaceable clock, and pauses and deadlines in the devices' seconds."""
 
 import threading
 import time
@@ -11,7 +11,7 @@ POLL_S = 0.005  # time between two polls of a busy device; 2F grippers refresh a
 
 
 class Clock:
-    """The machine's monotonic clock, in wall seconds; a cell on virtual time overrides it."""
+    """The machine's monotonic clock, in wall seconds; base class of a virtual cell's clock."""
 
     def now(self) -> float:
         """Seconds since a moment that stays the same while the process runs."""
@@ -35,13 +35,13 @@ class Clock:
     def idle(self, seconds: float, until: float) -> None:
         """Pauses for `seconds` between two polls of a device, at most until the moment `until`.
 
-        A subclass that knows when the device will next change may pause until that moment.
+        A subclass that knows when the device will next change may pause until that change.
         """
         self.sleep(min(seconds, until - self.now()))
 
 
 class Pace:
-    """Waits and deadlines in device seconds, of which `time_scale` pass per wall second (hardware: 1)."""
+    """Pauses and deadlines in device seconds, of which `time_scale` pass in a wall second (hardware: 1)."""
 
     def __init__(self, clock: Clock, time_scale: float = 1.0) -> None:
         self.clock = clock
@@ -75,9 +75,9 @@ class Pace:
             self.idle(deadline, seconds)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields, before each read of the caller, the wall seconds left; ends after `LATE_LOOKS` late reads.
+        """Yields the wall seconds left, before each read by the caller; ends after `LATE_LOOKS` late reads.
 
-        A read is late if it begins at the deadline or after it. Late reads find data that arrived in time
+        A read is late if it begins at the deadline or after it. Late reads receive data that arrived in time
         while this process was stopped.
         """
         late = 0
@@ -89,8 +89,8 @@ class Pace:
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
         """Wall time at which `seconds` of device time will have passed, plus a margin for one last poll.
 
-        The margin is `LINK_TIMEOUT_S`, or `simulated_s` for a simulated device that is faster than real time:
-        on a busy machine the process of such a device may be late by more than its scaled budget.
+        The margin is `LINK_TIMEOUT_S`. For a simulated device that runs faster than real time it is
+        `simulated_s`: on a busy machine, the process of that device may be late.
         """
         margin_s = LINK_TIMEOUT_S if self.time_scale <= 1.0 else simulated_s
         return self.clock.now() + seconds / self.time_scale + margin_s

@@ -1,16 +1,28 @@
 """Opens a device by its port name: the only module that a runtime needs from this package.
 
-Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
-port), `tcp://host:port` (Modbus TCP, unit 2; settings such as `?unit=9`, see `drivers.robotiq.modbus`, change
-that), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
-`can:channel` (CANopen, see `drivers.robotiq.canopen`), `dh:///dev/...` (DH-Robotics, drivers/dh/README.md),
-`schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (a person types widths). Arms:
-`tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
-frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (a person moves
-the hand), `manual+tcp://...` (the same, and a simulated arm follows). Simulated scenes: `tcp://host:port`.
+Ports of grippers:
 
-A device of another make is one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry point
-for its scheme and the function that opens it (tools/docs/drivers.md).
+- a tty path: a Robotiq gripper over Modbus RTU, 115200 8N1, slave 9
+- `rtu+tcp://host:port`: the same RTU frames over a raw TCP port
+- `tcp://host:port`: Modbus TCP, unit 2, or as settings such as `?unit=9` say (`drivers.robotiq.modbus`)
+- `urcap://host`: the text socket of Robotiq's URCap on a UR controller
+- `can:channel`: CANopen (`drivers.robotiq.canopen`)
+- `dh:///dev/...`: DH-Robotics (drivers/dh/README.md)
+- `schunk:///dev/...`: SCHUNK (drivers/schunk/README.md)
+- `manual`: a person types widths
+
+Ports of arms, all but `manual` with frames and limits after a `?`, as in
+`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`:
+
+- `tcp://host:port`: open_abb
+- `ur://host`: a UR controller
+- `omnicore://host`: Robot Web Services 2
+- `manual`: a person moves the hand; with `manual+tcp://...` a simulated arm follows
+
+The port of a simulated scene is `tcp://host:port`.
+
+A device of another make takes one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry
+point for its scheme and the function that opens it (tools/docs/drivers.md).
 """
 
 from collections.abc import Callable, Iterator
@@ -28,7 +40,7 @@ MANUAL = "manual"  # the scheme of a person, which needs no host
 
 
 class Makes(NamedTuple):
-    """The functions that open the devices of one kind (grippers or arms), by the scheme of a port."""
+    """The functions that open devices of one kind (grippers or arms), by the scheme of the port's name."""
 
     group: str  # group of entry points by which other packages add schemes
     kind: type  # the Protocol of opened devices
@@ -105,13 +117,13 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connects to an arm; may send settings to it, moves nothing.
+    """Connects to an arm; moves nothing, but may send settings.
 
     Frames and limits may follow the address (drivers/abb/README.md). With `read_only` no setting is sent, and
     every motion is refused.
 
     Raises:
-        PortError: the connection is refused, the address is invalid, or its driver cannot be loaded.
+        PortError: the connection is refused, the address is invalid, or the driver cannot be loaded.
         ArmError: the other side is not such an arm.
     """
     opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
@@ -122,8 +134,7 @@ def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Opens an arm whose motions a person carries out, and the simulated arm that repeats them, if any.
 
     Raises:
-        PortError: the address is not `manual` or `manual+` and the address of an arm, or that arm cannot be
-            opened.
+        PortError: the address is not understood, or the simulated arm cannot be opened.
     """
     from drivers.manual import ManualArm
 
@@ -187,7 +198,10 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
 
 
 def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
-    """Opens a device with another package's driver; unexpected errors become a PortError that names it."""
+    """Opens a device with the driver of another package.
+
+    An unexpected error of the driver becomes a PortError that names the driver.
+    """
     name, open_device = _plug_in(makes, scheme, port)
     try:
         device = open_device(port, *settings, **options)

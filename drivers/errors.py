@@ -26,7 +26,7 @@ def shown(sent: object) -> str:
 
 
 def read_late(late_s: float) -> str:
-    """Says, after the name of a device, that this process read its answer too late by `late_s`."""
+    """Returns the end of a message about a device: its answer was read too late, by `late_s`."""
     return (
         f"answered, but this process was stopped or starved and read it {late_s:.1f} s too late; "
         "take load off this machine"
@@ -58,4 +58,4 @@ class PictureError(DeviceError):
 
 
 class ReadOnlyError(RuntimeError):
-    """A device opened for reading was commanded, which is a bug; nothing was sent."""
+    """The program was about to command a device that was opened read-only: a bug. Nothing was sent."""

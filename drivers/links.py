@@ -43,7 +43,7 @@ class ReportingLink:
 
 
 class StreamLink(ReportingLink):
-    """A link over a stream; `close` also closes the stream."""
+    """A link over a stream, which `close` closes."""
 
     def __init__(self, stream: Stream, pace: Pace, report: Report) -> None:
         super().__init__(stream.endpoint, report)
@@ -52,12 +52,12 @@ class StreamLink(ReportingLink):
         self._late_s = 0.0  # how much too late the last answer was read
 
     def close(self) -> None:
-        """Disconnects; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
+        """Disconnects, and moves nothing; over Modbus TCP the device then stops itself ([M200] p66)."""
         self._stream.close()
         self._lost = self._lost or "it was closed"
 
     def _drain(self, quiet_s: float = 0.0) -> None:
-        """Discards pending data, so that a late answer is not taken for that to the next request.
+        """Discards pending data, so that a late answer is not taken for the answer to the next request.
 
         Ends after a silence of `quiet_s`, or after `DRAIN_S` at most.
         """
@@ -66,9 +66,9 @@ class StreamLink(ReportingLink):
             pass
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields data as it is received until the deadline of the transaction.
+        """Yields data as it is received, until the deadline of the transaction and a few reads longer.
 
-        The deadline is `LINK_TIMEOUT_S` plus `seconds` of device time from now. A few reads after it find
+        The deadline is `LINK_TIMEOUT_S` plus `seconds` of device time from now. The reads after it receive
         data that arrived in time while this process was stopped.
         """
         deadline = self._pace.now() + LINK_TIMEOUT_S + seconds / self._pace.time_scale
@@ -80,7 +80,7 @@ class StreamLink(ReportingLink):
     def _check_in_time(self) -> None:
         """Raises a LinkTimeout if the last answer was read too late.
 
-        This is for readings, which become outdated; the answer to a write stays valid.
+        Only readings are checked, since they become outdated; the answer to a write stays valid.
         """
         if self._late_s > 0.0:
             raise LinkTimeout(f"gripper at {self.endpoint} {read_late(self._late_s)}")

@@ -1,8 +1,8 @@
 """A person in place of a device: gets instructions on standard error, answers on standard input.
 
-`manual` as an arm: a person moves the hand, or only the gripper. `manual+ADDRESS`: the same, and a
-simulated arm follows the hand, so that its gripper meets the simulated part. `manual` as a gripper: a person
-closes calipers and types the width.
+As an arm, `manual` has a person move the hand of an arm, or a gripper without an arm. With `manual+ADDRESS`,
+a simulated arm follows the person's motions, so that the simulated gripper meets the simulated part. As a
+gripper, `manual` has a person close calipers and type the width.
 """
 
 import math
@@ -28,7 +28,7 @@ ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:
-    """Questions to the person at the terminal; manual arm and manual gripper share one instance."""
+    """Asks the person at the terminal; manual arm and manual gripper share one instance."""
 
     def __init__(self) -> None:
         self._read = b""
@@ -57,7 +57,10 @@ class Person:
         return line.decode(errors="replace").strip()
 
     def _forget(self) -> None:
-        """Discards lines typed before the question; a pipe keeps its lines, which are meant as answers."""
+        """Discards lines that were typed before the question.
+
+        Lines from a pipe are kept: they are meant as answers.
+        """
         with suppress(termios.error, ValueError):
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
             self._read = b""
@@ -88,13 +91,13 @@ class ManualArm:
         return (self._at or ALOFT) if self._behind is None else self._behind.pose()
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Least and greatest angle of the simulated arm, rad; infinite without one."""
+        """Least and greatest angle of the simulated arm at a place, rad; infinite without a simulated arm."""
         if self._behind is None:
             return -math.inf, math.inf
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Returns why the simulated arm cannot make a straight motion; empty without a reason or an arm."""
+        """Returns why the simulated arm cannot make a straight motion; empty if it can or is missing."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
@@ -102,7 +105,7 @@ class ManualArm:
     ) -> None:
         """Asks the person to lift the hand, to put it down, or to move it along the table.
 
-        For other motions, above the table, the person is not asked: the target is only recorded.
+        A motion above the table needs no person: only its target is recorded.
 
         Raises:
             ArmError: target or speed is invalid, the person did not answer, or standard input has ended.
@@ -157,7 +160,7 @@ class ManualArm:
 
 
 class ManualGripper:
-    """Calipers, or a gripper without a link: a person opens and closes it, and types the width."""
+    """Calipers, or a gripper without a link, which a person opens and closes; the person types the width."""
 
     def __init__(self, profile: GripperProfile, *, read_only: bool) -> None:
         self.profile = profile
@@ -178,7 +181,7 @@ class ManualGripper:
         return self._seen or self._open
 
     def activate(self) -> None:
-        """Does nothing: a person is ready."""
+        """Does nothing: a gripper that a person moves needs no activation."""
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Stores the request for `wait`."""
@@ -214,7 +217,7 @@ class ManualGripper:
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
-        """Forgets the request; a person holds the jaws."""
+        """Forgets the request, so that the person is not asked to execute it."""
         self._asked = None
 
     def close(self) -> None:
@@ -246,7 +249,9 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 def gripper(
     port: str, pace: Pace, report: ports.Report, *, read_only: bool, profile: GripperProfile | None
 ) -> ManualGripper:
-    """Opens the manual gripper at `manual`; it rounds widths to the readings of the profile, or of a 2F-85.
+    """Opens the manual gripper at `manual`; typed widths are rounded to the grid of a profile.
+
+    That is the grid of `profile` or, without one, of a 2F-85.
 
     Raises:
         PortError: the port is not `manual`.

@@ -1,4 +1,4 @@
-"""Common part of polled grippers: waits, deadlines, and writes whose answer was lost."""
+"""Common part of drivers that poll a gripper: waits, deadlines, and writes whose answer was lost."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -48,7 +48,7 @@ class ReadOnlyLink:
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
-    """Base class of polled grippers; a subclass for each make reads, writes and interprets the readings.
+    """Base class of drivers that poll a gripper; a subclass for each make knows its registers.
 
     Every wait has a deadline, and every write whose answer was lost is reported.
 
@@ -154,7 +154,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Formats a reading for a message."""
 
     def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
-        """Whether the device has accepted the request."""
+        """Whether a reading shows that the device has received the request of a move."""
         return self._target(seen) == move.target
 
     def _require_obeyed(self, seen: Seen, doing: str) -> None:
@@ -218,7 +218,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             seen = self._read()
 
     def _past_stale(self, seen: Seen) -> Seen:
-        """Reads until the fingers move, or `stale_s` after the request; returns the last reading."""
+        """Reads until the fingers move, or until `stale_s` after the request; returns the last reading."""
         while self._asked_at is not None and not self._state(seen, self._target(seen)).moving:
             until = self._asked_at + self.stale_s / self._pace.time_scale
             if self._pace.now() >= until:
@@ -232,7 +232,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Writes until a write is acknowledged, at most `WRITE_TRIES` times; reports each failure.
 
         Args:
-            write: the write.
+            write: sends the write; raises a LinkTimeout if there is no acknowledgement.
             arrived: returns whether the device echoes the write; raises if a repetition could do harm.
 
         Raises:
@@ -250,7 +250,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
 
 def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
-    """Greatest setting of a device whose value does not exceed `value`; `first` if there is none.
+    """Greatest setting of a device that stands for at most `value`; `first` if there is none.
 
     Args:
         value: the value, in the unit of `ends`.

@@ -27,8 +27,8 @@ MOST_COUNT = 255  # greatest count of a device that reports widths as counts
 # Greatest distance of a point of an unknown gripper, or of the part that it holds, from the hand's axis.
 TURN_RADIUS_MM = 160.0
 
-# Receives every retry and failure on a link as a record: its kind and its fields. The method `record` of a
-# journal is one.
+# Function that receives every retry and failure on a link as a record: its kind and its fields. The method
+# `record` of a journal is such a function.
 Report = Callable[[str, Mapping[str, object]], None]
 
 
@@ -37,7 +37,7 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 
 
 class ObjectState(IntEnum):
-    """Whether and how an object stopped the fingers; a journal holds the number."""
+    """Whether and how an object stopped the fingers; a journal stores the number of the state."""
 
     NONE = 0  # unknown: the fingers are moving, or were never asked to move
     OPENING = 1  # something stopped the fingers while opening
@@ -61,7 +61,7 @@ class GripperProfile:
     model: str  # name in jobs
     stroke_um: int  # width of the jaws fully open; closed on nothing they read 0
     resolution_um: float  # step of a reading
-    noise_um: int  # standard deviation of a reading, beside its rounding
+    noise_um: int  # standard deviation of a reading, without its rounding
     speed_mm_s: tuple[float, float]  # rate of the width, slowest and fastest
     force_n: tuple[float, float]  # grip force, weakest and strongest
     held_um: int = 2000  # width from which closed fingers are expected to hold a part
@@ -74,8 +74,8 @@ class GripperProfile:
     fingers_mm: tuple[float, float] = (25.0, 10.0)
     # Counts of the open and closed jaws, if the device counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
-    # Greatest rate of the width at which it exerts its whole force; with less force it is proportionally
-    # lower. None: it exerts any force at any speed.
+    # Greatest rate of the width at which the gripper exerts its whole force; for less force, the rate is
+    # proportionally lower. None: the gripper exerts any force at any speed.
     grip_mm_s: float | None = None
     # Distance of the gripper's farthest point from its axis, jaws open, with the maker's fingers.
     radius_mm: float = TURN_RADIUS_MM
@@ -91,7 +91,7 @@ class GripperProfile:
         return _within(40.0, self.force_n)
 
     def fastest_grip_mm_s(self, force_n: float) -> float:
-        """Greatest closing speed (rate of the width) at which the gripper still exerts a force."""
+        """Greatest closing speed (rate of the width) at which the gripper still exerts a given force."""
         if self.grip_mm_s is None:
             return self.speed_mm_s[1]
         return max(self.grip_mm_s * force_n / self.force_n[1], self.speed_mm_s[0])
@@ -181,8 +181,9 @@ class Gripper(Protocol):
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Requests a width on the grid of readings, and returns at once.
 
-        A negative width closes the fingers; the stroke opens them as far as they go. The device is set to its
-        greatest speed and force that do not exceed the arguments, or else to its least ones.
+        A negative width closes the fingers as far as they go; a width equal to the stroke opens them as far
+        as they go. The device is set to its greatest speed and force that do not exceed the arguments, or
+        else to its least ones.
 
         Raises:
             GripperFault: the gripper is not ready, or reports a fault.
@@ -204,7 +205,7 @@ class Gripper(Protocol):
 
 @runtime_checkable
 class Arm(Protocol):
-    """An arm that places the point midway between the finger tips, hand pointing down."""
+    """An arm whose hand points down; its poses are those of the point midway between the finger tips."""
 
     def pose(self) -> PoseOfHand:
         """Reads the pose of the hand; the angle counts whole turns of the wrist.
@@ -255,7 +256,7 @@ class Truth(NamedTuple):
 
 
 class Scene(Protocol):
-    """Stand-in for the feeder, with the ground truth; only a simulated cell has one."""
+    """Stand-in for the feeder of a simulated cell, and source of the ground truth."""
 
     def next_part(self) -> int:
         """Removes the part, brings the next and returns its number."""

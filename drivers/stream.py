@@ -35,7 +35,7 @@ class StalledError(TimeoutError):
 
 
 class Stream(Protocol):
-    """An open connection. Both directions raise an OSError once it is gone."""
+    """An open connection. Sending and receiving raise an OSError once the connection is gone."""
 
     endpoint: str  # name of the connection in messages
 
@@ -47,7 +47,7 @@ class Stream(Protocol):
         """
 
     def receive(self, seconds: float) -> bytes:
-        """Waits at most `seconds` of the cell's clock for data, and returns it; empty if there is none."""
+        """Waits at most `seconds` of the cell's clock for data; returns the data, empty if there is none."""
 
     def close(self) -> None:
         """Closes the connection; idempotent."""
@@ -70,7 +70,7 @@ class TcpStream:
             raise StalledError from error
 
     def receive(self, seconds: float) -> bytes:
-        """Data received within `seconds`; empty if there is none."""
+        """Returns data that arrives within `seconds`; empty if there is none."""
         if not select.select([self._socket], [], [], max(seconds, 0.0))[0]:
             return b""
         if data := self._socket.recv(CHUNK):
@@ -115,7 +115,7 @@ class SerialStream:
                 data = data[os.write(file, data) :]
 
     def receive(self, seconds: float) -> bytes:
-        """Data received within `seconds`; empty if there is none."""
+        """Returns data that arrives within `seconds`; empty if there is none."""
         file = self._port.fileno()
         if not select.select([file], [], [], max(seconds, 0.0))[0]:
             return b""
@@ -160,7 +160,7 @@ def closed_on_error(opened: Any) -> Iterator[None]:
 
 
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
-    """Host and port of a URL `scheme://host:port`, whose port may be omitted if a usual one is given.
+    """Returns host and port of a URL `scheme://host:port`; the URL may omit the port if `usual` is given.
 
     The caller first removes settings after a `?`.
 
@@ -179,7 +179,7 @@ def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
-    """Connects; `hint` says what to check if the connection is refused.
+    """Connects to a TCP port; `hint` is for the message of an error, and says what to check.
 
     Raises:
         PortError: nobody accepts the connection, or the host name is unknown or invalid.

@@ -1,1 +1,1 @@
-"""ABB arms: IRC5 by open_abb, OmniCore by a RAPID module; poses, reach and a base class of upright arms."""
+"""Drivers of ABB arms (IRC5, OmniCore), and what they share with UR arms: poses, checks, a base class."""

@@ -1,7 +1,7 @@
 """Driver of an ABB arm behind an open_abb server: straight moves, each with a deadline.
 
-The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. After
-an answer that is overdue, the state of the arm is unknown, and `Arm` refuses every further request.
+The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. Once
+an answer is overdue, the state of the arm is unknown, and `Arm` refuses every further request.
 """
 
 import contextlib
@@ -26,14 +26,14 @@ CONNECT_TRIES = 3
 
 
 class _CutOffError(ArmError):
-    """The server closed the connection, as it may just after connecting; `over` then connects again."""
+    """The server closed the connection. This may happen just after connecting; `over` then connects again."""
 
 
 class Arm(UprightArm):
-    """Driver of an arm on an open connection, which the driver owns; `connect` opens a connection.
+    """Driver of an ABB arm over an open connection, which this object owns; `connect` creates both.
 
-    Creating the driver sends the frames of the setup, a speed and a fine zone, unless the setup is read-only.
-    The limits of the setup are checked before every move.
+    The constructor sends the tool frame, the work object frame, a speed and the zone `fine` (a motion ends at
+    rest), unless the setup is read-only. The limits of the setup are checked before every move.
 
     Raises:
         ArmError: the other side does not answer as an open_abb server.
@@ -79,7 +79,7 @@ class Arm(UprightArm):
     def close(self) -> None:
         """Disconnects without moving the arm.
 
-        Sends no closing command if the state of the arm is unknown, as after a missing reply.
+        Sends no closing command if the state of the arm is unknown, for example after a missing reply.
         """
         if not self._unknown:
             with contextlib.suppress(OSError):
@@ -94,7 +94,7 @@ class Arm(UprightArm):
         self._speeds = speed_mm_s, turn_rad_s
 
     def _drain(self) -> None:
-        """Waits for the server's start and discards what it still sends for its previous client."""
+        """Waits until the server has started, and discards answers meant for its previous client."""
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
             try:
@@ -139,7 +139,7 @@ class Arm(UprightArm):
         return None
 
     def _more(self, seconds: float, code: int) -> bool:
-        """Waits at most `seconds` for more of the reply to `code`, and keeps it; returns whether any came."""
+        """Appends received data to the reply to `code`; returns whether any data came within `seconds`."""
         piece = self._link.receive(seconds).decode("latin-1")
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
@@ -166,8 +166,8 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     """Connects to an arm over a stream that `open_stream` opens; otherwise like `connect`.
 
-    The server recreates its sockets after each client, and disconnects clients that connected meanwhile; the
-    stream is then opened again, up to `CONNECT_TRIES` times in all.
+    The server recreates its sockets after each client, and disconnects clients that connected meanwhile.
+    After such a disconnection the stream is opened again, up to `CONNECT_TRIES` times in all.
     """
 
     def opened() -> Arm:

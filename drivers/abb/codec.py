@@ -1,8 +1,8 @@
 """The open_abb wire protocol as `SERVER.mod` implements it: lines to the server, unterminated replies.
 
-A command is `<code> (<number> )*#`. It has one space between fields and one before `#`; otherwise the last
-parameter is lost. The server keeps a parameter's old value when a number is garbled, and would move there; so
-numbers are formatted strictly.
+A command is `<code> (<number> )*#`. It has one space between fields and one before `#`; otherwise the server
+loses the last parameter. If a number is garbled, the server keeps the parameter's old value and would move to
+that. So numbers are formatted strictly.
 """
 
 import math
@@ -44,7 +44,7 @@ IDENTITY = Pose(0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Reply(NamedTuple):
-    """One answer of the server: `done` is its ok flag, `fields` the payload."""
+    """One answer of the server: `code` of the command, `done` (its ok flag) and `fields` (its payload)."""
 
     code: int
     done: bool
@@ -124,9 +124,9 @@ def hand_angle(rotation: Sequence[float]) -> float:
 
 
 def parse_reply(text: str, code: int) -> Reply | None:
-    """Parses the reply to `code`, of which `text` is the received part; None while the reply may still grow.
+    """Parses `text`, the received part of the reply to `code`; returns None while fields are missing.
 
-    Replies have no terminator: one with a payload is complete once it has all its fields.
+    Replies have no terminator: the last number of the result may still lack digits (`Reply.ended`).
 
     Raises:
         ProtocolError: the text is not a reply to that code.
@@ -166,7 +166,9 @@ def drop_stale(text: str, code: int) -> str:
 
 
 def parse_numbers(reply: Reply) -> tuple[float, ...]:
-    """Parses the numbers in a reply: to READ_JOINTS six angles in degrees, to READ_POSE mm and a quaternion.
+    """Parses the fields of a reply as numbers.
+
+    A reply to READ_JOINTS has six angles in degrees. A reply to READ_POSE has a place in mm and a quaternion.
 
     Raises:
         ProtocolError: a field is not a finite number.

@@ -48,7 +48,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def compose(a: Pose, b: Pose) -> Pose:
-    """Converts pose b from the frame a to the frame in which a is given."""
+    """Converts pose b, given in the frame at pose a, to the frame in which a is given."""
     x, y, z = rotate(a[3], b[:3])
     return Pose(a[0] + x, a[1] + y, a[2] + z, multiply(a[3], b[3]))
 
@@ -122,8 +122,14 @@ def track(
 ) -> Iterator[Joints | None]:
     """Follows a straight path of the flange from given joints, and yields the joints, deg, at each step.
 
-    The path is followed up to its fraction `share`. The joints are continuous, so they may exceed a full
-    turn, and also their working ranges. Where the path leaves the reach, it yields None and ends.
+    The joints change continuously; they may exceed a full turn and the working ranges. If a step is out of
+    reach, the function yields None and ends.
+
+    Args:
+        joints_deg: joints at the start of the path.
+        start: pose of the flange at the start of the path.
+        target: pose of the flange at the end of the path.
+        share: fraction of the path that is followed.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
@@ -138,15 +144,16 @@ def track(
 
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
-    """Adds whole turns to each joint, so that it is nearest to the same joint in `before_deg`."""
+    """Adds whole turns to each joint, so that its angle is nearest to the one in `before_deg`."""
     pairs = zip(joints_deg, before_deg, strict=True)
     return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Solves the inverse kinematics, elbow up, facing the target: a solution for each wrist position.
+    """Returns the joints, deg, at which the flange is at a pose, once for each posture of the wrist.
 
-    Working ranges are not checked; the list is empty if the pose is out of reach.
+    The elbow is up, and the arm faces the flange. Working ranges are not checked; the list is empty if the
+    pose is out of reach.
     """
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
@@ -166,10 +173,10 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
-    """Decomposes a rotation into X-Y-X turns, the turns of axes 4 to 6, rad.
+    """Decomposes a rotation of the wrist into turns of axes 4, 5 and 6 (about x, y and x), rad.
 
-    There are two solutions, the one with the smaller turn of axis 4 first. If axes 4 and 6 are in line, there
-    is only one, with axis 4 at zero.
+    Returns two solutions, first the one with the smaller turn of axis 4. If axes 4 and 6 are in line, returns
+    one solution, with axis 4 at zero.
     """
     axes: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     along, side, up = (rotate(wrist, axis) for axis in axes)

@@ -1,7 +1,8 @@
-"""An ABB arm on an OmniCore controller: RAPID program `SqueezeTree.modx`, fed over Robot Web Services 2.
+"""Driver of an ABB arm on an OmniCore controller, over Robot Web Services 2.
 
-Never tried on a controller. Connecting only reads. The first motion starts the program, and only after the
-program pointer was set to this module and read back. An interrupted or late motion is stopped.
+It was never tried on a controller. The RAPID module `SqueezeTree.modx` on the controller executes the
+requests. Connecting only reads. The first motion sets the program pointer to that module, reads the pointer
+back, and starts the program. An interrupted or late motion is stopped.
 """
 
 import math
@@ -40,12 +41,12 @@ HINT = "check the address, and that Robot Web Services are reachable from this n
 
 
 class Arm(UprightArm):
-    """Driver of an arm on an open session, which the driver owns; `connect` opens a session.
+    """Driver of an OmniCore arm over an open session, which this object owns; `connect` creates both.
 
     After `close`, the RAPID program on the controller keeps waiting for requests.
 
     Raises:
-        ArmError: the other side does not answer as an OmniCore controller with the module.
+        ArmError: the other side is no OmniCore controller, or lacks the RAPID module.
     """
 
     _link: Rws
@@ -105,17 +106,17 @@ class Arm(UprightArm):
         return ""
 
     def _pointer(self) -> tuple[str | None, str | None]:
-        """Module and routine at the program pointer; None if unknown."""
+        """Reads the module and the routine at the program pointer; None for each that is unknown."""
         states = self._states(POINTER)
         line = next((state for state in states if state.get("_title") == "progpointer"), {})
-        # RWS spells it `modulemame`.
+        # RWS spells the name `modulemame`.
         return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:
         return self._look(EXECUTION).get("ctrlexecstate") == "running"
 
     def _start(self) -> None:
-        """Sets the program pointer to the module, starts the program and waits for it; nothing moves yet."""
+        """Starts the program at the module, and waits until the program runs; nothing moves yet."""
         self._link.post("/rw/mastership/edit/request", {})
         try:
             where = {"module": MODULE, "routine": ROUTINE, "userlevel": "FALSE"}

@@ -20,7 +20,7 @@ Box = tuple[float, float, float, float, float, float]  # mm: least x, y, z, then
 
 
 class Setup(NamedTuple):
-    """Frames and limits of an arm, and whether it may be moved."""
+    """Frames and limits of an arm, and whether motions are allowed."""
 
     # tool frame in the flange frame: the point midway between the finger tips, z out of the flange
     tool: Pose = IDENTITY
@@ -38,7 +38,7 @@ class Setup(NamedTuple):
 
     @property
     def table(self) -> Pose:
-        """The table's frame in the arm's base frame; in its world frame where the base is unknown."""
+        """The table's frame in the arm's base frame, or in the arm's world frame if the base is unknown."""
         return compose(invert(self.base or IDENTITY), self.work_object)
 
     def hand_at(self, flange: Pose) -> Pose:
@@ -47,7 +47,7 @@ class Setup(NamedTuple):
 
 
 def setup_of(url: str, *, read_only: bool) -> Setup:
-    """Parses the setup in an address after its `?`.
+    """Parses the frames and limits that follow the `?` in the address of an arm.
 
     Raises:
         PortError: a setting is invalid.
@@ -80,9 +80,9 @@ def within_irb_120(flange: Pose) -> bool:
 
 
 def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
-    """Returns a function that says whether a pose of the flange is within `reach_mm` of the base.
+    """Returns a function that says whether a pose of the flange is within `setup.reach_mm` of the base.
 
-    The function approximates the kinematics of arms other than the IRB 120.
+    The function is for arms other than the IRB 120: their kinematics are not modelled.
     """
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
@@ -112,18 +112,21 @@ def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], 
 
 
 class Wrist(NamedTuple):
-    """Sum of hand angle and last axis when the joints were last read; predicts the hand's range elsewhere.
+    """What the last reading of the joints says about the hand's range of angles at other places.
 
     The hand points down. Its angle grows with the angle of axis 1, which points up, and falls with the angle
     of the last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
     """
 
-    whole_rad: float  # the sum, whole turns counted
-    x_mm: float  # place of the hand then, in the work object frame
+    whole_rad: float  # sum of hand angle and last axis, whole turns counted
+    x_mm: float  # place of the hand at that reading, in the work object frame
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """Predicts the sum of hand angle and last axis at a place, rad; constant if the base is unknown."""
+        """Predicts the sum of hand angle and last axis at a place, rad.
+
+        If the base is unknown, returns the sum of the last reading.
+        """
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)

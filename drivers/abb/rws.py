@@ -1,10 +1,10 @@
-"""Robot Web Services 2 of an ABB OmniCore controller (RobotWare 7): resources over HTTPS.
+"""Client of Robot Web Services 2 on an ABB OmniCore controller (RobotWare 7): resources over HTTPS.
 
-One connection, with one request after the other. A request has a single deadline (for connection,
-handshake, sign-in and answer), and its answer a size limit. After a failure the connection is renewed, so
-that a late answer is not taken for that to a later request. Sign-in is Basic, or Digest where the controller
-requires it; user and password come from the environment, since an address is printed and journalled. Neither
-is sent before the certificate is verified, unless any certificate is accepted.
+There is one connection, with one request at a time. A request has a single deadline (for connection,
+handshake, sign-in and answer), and its answer has a size limit. After a failure the connection is renewed, so
+that a late answer is not taken for the answer to a later request. Sign-in is Basic, or Digest if the
+controller requires it. User and password come from the environment, since an address is printed and
+journalled. Neither is sent before the certificate is verified, unless any certificate is accepted.
 """
 
 import base64
@@ -111,7 +111,7 @@ class Rws:
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            # Closed, so that an answer after an error is not taken for that to a later request.
+            # Closed after an error, so that a late answer is not taken for the answer to a later request.
             with closed_on_error(self):
                 if self._connection is None or self._connection.sock is None:
                     self._connection = self._connected(until)
@@ -134,11 +134,11 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self, until: float) -> http.client.HTTPSConnection:
-        """Connects before a deadline, and checks the controller's certificate against the stated one.
+        """Connects before a deadline, and checks the controller's certificate.
 
         Raises:
-            RwsError: the controller has another certificate, no certificate was stated, or the file of the
-                stated one cannot be read.
+            RwsError: the certificate is another than the environment states, the environment states none, or
+                its file cannot be read.
             OSError: no connection in time.
         """
         stated = os.environ.get(CERTIFICATE, "")
@@ -203,7 +203,7 @@ class Rws:
 
 
 def _whole(answer: http.client.HTTPResponse) -> bytes:
-    """Reads a body; allocates at most `MOST_BYTES`, whatever length the other side states."""
+    """Reads the body of an answer; allocates at most `MOST_BYTES`, whatever length the controller states."""
     body = answer.read(MOST_BYTES)
     if answer.length:
         raise http.client.IncompleteRead(body, answer.length)
@@ -225,7 +225,7 @@ def _states(path: str, body: str) -> list[State]:
 
 
 def _message(text: str) -> str:
-    """Extracts the reason from the document of an error; without one, the beginning of the document."""
+    """Returns the reason that an error answer states, or else the beginning of the answer."""
     try:
         return shown(json.loads(text)["status"]["msg"])
     except (ValueError, KeyError, TypeError, RecursionError):

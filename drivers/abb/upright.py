@@ -1,8 +1,8 @@
 """Base class of drivers for arms whose hand points straight down: checks motions and counts whole turns.
 
-Controllers take a target's rotation as a quaternion or the like, which does not distinguish whole turns, and
-turn the shortest way. So the driver counts the hand's whole turns from motion to motion, and compares them
-with the last axis.
+A controller receives rotations in a form in which whole turns make no difference (a quaternion, say), and
+turns the shortest way. So the driver counts the hand's whole turns from motion to motion, and compares the
+count with the last axis.
 """
 
 import contextlib
@@ -53,7 +53,7 @@ class UprightArm(ABC):
 
     Args:
         endpoint: address of the arm as the user named it.
-        link: the connection, closed with the arm.
+        link: the connection to the controller; `close` closes it.
         pace: device time.
         setup: frames and limits.
         reaches: says whether the flange can be at a pose in the base frame.
@@ -103,7 +103,8 @@ class UprightArm(ABC):
         """Moves the hand straight to the target, and returns when it is at rest.
 
         Raises:
-            ArmError: the hand did not arrive in time; the arm's state is unknown.
+            ArmError: the motion was refused before it began; or the hand did not arrive in time, and the
+                arm's state is unknown.
         """
 
     def pose(self) -> ArmPose:
@@ -123,9 +124,9 @@ class UprightArm(ABC):
         return self._at
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Least and greatest angle of the hand at a place, whole turns counted, rad.
+        """Least and greatest angle of the hand that the wrist allows at a place, whole turns counted, rad.
 
-        Reads the joints if the arm has moved since they were read.
+        Reads the joints if the arm has moved since their last reading.
         """
         here, counted = self._at or self.pose(), self._wrist
         assert counted is not None  # since the first pose
@@ -209,7 +210,7 @@ class UprightArm(ABC):
 
     @contextlib.contextmanager
     def _stopped_on_error(self, stop: Callable[[], None]) -> Iterator[None]:
-        """Context of a motion: calls `stop` on any error, also Ctrl-C; the arm's state is then unknown."""
+        """Context of a motion: any error, also Ctrl-C, calls `stop` and makes the arm's state unknown."""
         try:
             yield
         except BaseException as error:

@@ -15,7 +15,7 @@ QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def audit(arguments: Sequence[str] | None = None) -> int:
-    """Runs grasp-audit and returns its exit code; `report` and `study` need no extra, `judge` does."""
+    """Runs grasp-audit and returns its exit code; only `judge` needs the extra `audit`."""
     words = _words(arguments)
     if words and words[0] in FROM_JOURNALS:
         return int(import_module(FROM_JOURNALS[words[0]]).main(words[1:]))

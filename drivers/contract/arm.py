@@ -15,7 +15,7 @@ from drivers.ports import Arm, PoseOfHand
 
 
 class ArmRig(Protocol):
-    """Test rig that an author supplies: starts an arm at (0, 0, 100) mm, hand down, 0 rad."""
+    """Test rig that the author of a driver supplies; it starts an arm at (0, 0, 100) mm, hand down, 0 rad."""
 
     far_mm: float  # x of an unreachable place; all places up to 100 mm from 0 in x and y must be reachable
 
@@ -37,7 +37,7 @@ class ArmRig(Protocol):
 
 
 class ArmContract:
-    """Tests for a driver: derive a class `Test...` from it and implement `make`."""
+    """Tests that the driver of an arm has to pass: derive a class `Test...` and implement `make`."""
 
     def make(self) -> ArmRig:
         """Creates the rig of one test."""
@@ -45,7 +45,7 @@ class ArmContract:
 
     @pytest.fixture
     def rig(self) -> Iterator[ArmRig]:
-        """The rig of one test."""
+        """Creates the rig of one test, and closes it after the test."""
         result = self.make()
         yield result
         result.close()
@@ -67,7 +67,7 @@ class ArmContract:
         assert rig.moves == 0
 
     def test_move_ends_at_its_target(self, rig: ArmRig) -> None:
-        """The true position is the target to 0.001 mm, the reported pose to 0.011 mm and 0.003 rad."""
+        """Each move ends within 0.001 mm of its target, and `pose` within 0.011 mm and 0.003 rad of it."""
         rng = random.Random(1)
         with rig.open() as arm:
             a = 0.0
@@ -82,7 +82,7 @@ class ArmContract:
                 assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
 
     def test_obstacle_on_short_motion_in_work_area_is_none(self, rig: ArmRig) -> None:
-        """For a short motion within the work area, `obstacle` reports none, and nothing moves."""
+        """For a short motion within the work area, `obstacle` returns an empty string, and nothing moves."""
         with rig.open() as arm:
             assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
         assert rig.moves == 0
@@ -99,7 +99,7 @@ class ArmContract:
     def test_move_to_unsendable_number_is_refused_and_arm_stays_usable(
         self, rig: ArmRig, bad: float
     ) -> None:
-        """The driver raises an ArmError before it sends anything, and executes the next valid move."""
+        """A target or speed that cannot be sent raises an ArmError; only the next valid move is executed."""
         with rig.open() as arm:
             for x, z in ((bad, 50.0), (0.0, bad)):
                 with pytest.raises(ArmError, match="not moved") as raised:
@@ -113,7 +113,7 @@ class ArmContract:
             assert rig.moves == 1
 
     def test_move_out_of_reach_is_refused_and_arm_stays_usable(self, rig: ArmRig) -> None:
-        """The message says that the place is out of reach, and that the arm has not moved."""
+        """A move out of reach raises an ArmError that says so; only the next, valid move is executed."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
                 arm.move_linear((rig.far_mm, 0.0, 50.0, 0.0), 5000.0)
@@ -121,7 +121,7 @@ class ArmContract:
             arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)
 
     def test_arm_after_silence_refuses_everything(self, rig: ArmRig) -> None:
-        """Every call raises an ArmError, since the place of the arm is unknown."""
+        """After a missing answer, `pose` and `move_linear` raise an ArmError: the arm's state is unknown."""
         with rig.open() as arm:
             rig.silence()
             with pytest.raises(ArmError) as raised:

@@ -13,7 +13,7 @@ from drivers.ports import Gripper, ObjectState
 
 
 class GripperRig(Protocol):
-    """Test rig that an author supplies: starts a device with open jaws, not activated yet."""
+    """Test rig that the author of a driver supplies; it starts a device with open jaws, not activated."""
 
     contact_um: int  # width at which the jaws stop after `put_part`
 
@@ -24,7 +24,7 @@ class GripperRig(Protocol):
         """Puts something between the jaws."""
 
     def commanded(self) -> bool:
-        """Whether the device has received any command since the rig was made."""
+        """Whether the device has received any command since the rig was created."""
 
     def commands(self) -> object:
         """A value that changes when the device receives a command."""
@@ -42,7 +42,7 @@ def close(gripper: Gripper, *, fast: bool = False) -> None:
 
 
 class GripperContract:
-    """Tests for a driver: derive a class `Test...` from it and implement `make`."""
+    """Tests that the driver of a gripper has to pass: derive a class `Test...` and implement `make`."""
 
     def make(self) -> GripperRig:
         """Creates the rig of one test."""
@@ -50,7 +50,7 @@ class GripperContract:
 
     @pytest.fixture
     def rig(self) -> Iterator[GripperRig]:
-        """The rig of one test."""
+        """Creates the rig of one test, and closes it after the test."""
         result = self.make()
         yield result
         result.close()
@@ -77,7 +77,7 @@ class GripperContract:
         assert rig.commands() == before
 
     def test_wait_after_activate_and_move_returns_at_target(self, rig: GripperRig) -> None:
-        """The settled reading has the width of the jaws and the requested width."""
+        """Without a part, `wait` returns the requested width, after closing and after opening half way."""
         with rig.open() as gripper:
             profile = gripper.profile
             gripper.activate()
@@ -94,7 +94,7 @@ class GripperContract:
             assert settled.seconds > 0.0
 
     def test_wait_on_a_part_returns_its_width(self, rig: GripperRig) -> None:
-        """The settled reading has the width of the part, and reports contact while closing."""
+        """With a part, `wait` returns the width at which the jaws met it, and the state CLOSING."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
@@ -103,7 +103,7 @@ class GripperContract:
             assert (settled.width_um, settled.object) == (rig.contact_um, ObjectState.CLOSING)
 
     def test_reconnect_while_holding_keeps_the_part(self, rig: GripperRig) -> None:
-        """Connecting resets nothing, and activating an active gripper opens nothing."""
+        """While a part is held, neither a new connection nor `activate` opens the jaws."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
@@ -123,7 +123,7 @@ class GripperContract:
         assert not rig.commanded()
 
     def test_stop_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
-        """After `stop` the jaws stand still, and are not closed yet."""
+        """After a `stop` during closing, the jaws stand still and are not closed."""
         with rig.open() as gripper:
             gripper.activate()
             close(gripper)
@@ -140,14 +140,14 @@ class GripperContract:
                 gripper.wait()
 
     def test_state_after_close_is_refused(self, rig: GripperRig) -> None:
-        """Reading from a closed link raises a LinkError that says so."""
+        """After `close`, `state` raises a LinkError that says that the link is closed."""
         with rig.open() as gripper:
             gripper.close()
             with pytest.raises(LinkError, match="closed"):
                 gripper.state()
 
     def test_state_of_silent_device_raises_at_the_deadline(self, rig: GripperRig) -> None:
-        """A call to a silent device raises a LinkError at the driver's deadline."""
+        """If the device is silent, `state` raises a LinkError at the driver's deadline."""
         with rig.open() as gripper:
             rig.silence()
             with pytest.raises(LinkError) as raised:

@@ -1,6 +1,7 @@
 """Device logic of a DH gripper: initialisation, moves, and detection of stale states.
 
-The registers have no stop, no fault and no current. `drivers.dh.registers` lists the sources.
+The gripper has no register for a stop, a fault or the motor current. `drivers.dh.registers` lists the
+sources.
 """
 
 from collections.abc import Callable
@@ -45,7 +46,7 @@ class Reading(NamedTuple):
 
     @property
     def object(self) -> ObjectState:
-        """State of the object; where a part stopped the fingers, the target gives their direction."""
+        """Whether and how an object stopped the fingers; the target tells if they were closing or opening."""
         if not self.ready or self.moving:
             return ObjectState.NONE
         if self.grip is not Grip.CAUGHT:
@@ -54,7 +55,10 @@ class Reading(NamedTuple):
 
 
 class Gripper(PolledGripper[Reading, int]):
-    """Driver of a DH gripper; the target of a move is a position, in thousandths. Connecting only reads."""
+    """Driver of a DH gripper; connecting only reads.
+
+    The target of a move is a position, in thousandths of the stroke.
+    """
 
     stale_s = 0.2  # time during which the grip state may still belong to the previous move
 
@@ -66,10 +70,10 @@ class Gripper(PolledGripper[Reading, int]):
         return self._scale.profile
 
     def activate(self) -> None:
-        """Initialises the gripper: the fingers open, or close if it is set so; a held part is dropped.
+        """Initialises the gripper: the fingers open, or close if it is set to that; a held part is dropped.
 
-        The stroke is not calibrated: that closes the fingers on anything between them, and is done with the
-        maker's software, once after a change of fingers.
+        This does not calibrate the stroke. A calibration closes the fingers on anything between them; it is
+        done with the maker's software, once after a change of fingers.
         """
         seen = self._read()
         if seen.ready:
@@ -97,7 +101,8 @@ class Gripper(PolledGripper[Reading, int]):
         """Stops the fingers by requesting their current position; a held part stays held.
 
         Raises:
-            GripperFault: the gripper initialises, which no register can stop, or does not come to rest.
+            GripperFault: the gripper is initialising, which cannot be stopped, or the fingers do not come to
+                rest.
         """
         self._move = None
         seen = self._past_stale(self._read())
@@ -143,7 +148,7 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether the grip state is final and agrees with the position; a stale state usually does not."""
+        """Whether the grip state is final and agrees with the position; a stale state usually disagrees."""
         if seen.moving:
             return False
         if seen.grip is not Grip.CAUGHT:
@@ -173,7 +178,7 @@ class Gripper(PolledGripper[Reading, int]):
         self._write(register, value, lambda: self._checked(REPEATING).settings[register] == value)
 
     def _write(self, register: int, value: int, arrived: Callable[[], bool]) -> None:
-        """Writes a register, repeatedly until a write is acknowledged.
+        """Writes a register, at most `WRITE_TRIES` times, until a write is acknowledged.
 
         Repeating is harmless: the same position again starts no motion.
         """

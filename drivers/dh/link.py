@@ -1,7 +1,8 @@
 """A DH gripper's registers over Modbus RTU.
 
-Answers carry no number of their request. The two blocks of a reading have different lengths and are read in
-turn, so a late answer is usually discarded; device logic does not rely on a single reading.
+An answer does not say which request it belongs to. A reading takes two requests, for blocks of different
+lengths, so a late answer usually has the wrong length and is discarded. Since that is not certain, the device
+logic does not rely on a single reading.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Conversion of settings in per cent and positions in thousandths: linear between a profile's ends."""
+"""Converts widths to thousandths of the stroke, and speeds and forces to per cent; all linear."""
 
 from drivers.dh.registers import FULL, LEAST_FORCE, LEAST_SPEED, MOST
 from drivers.errors import PortError
@@ -10,7 +10,7 @@ MODEL = "dh-ag95"  # default, since no register holds the model
 
 
 class Scale:
-    """Conversion of the settings of one model.
+    """Conversion between the units of a job and the settings of one gripper model.
 
     Raises:
         PortError: the model does not divide its stroke into thousandths.
@@ -25,11 +25,11 @@ class Scale:
             )
 
     def position(self, width_um: int) -> int:
-        """The position nearest to a width."""
+        """The position nearest to a width, in thousandths of the stroke."""
         return min(max(self.profile.step(width_um), 0), FULL)
 
     def speed(self, speed_mm_s: float) -> int:
-        """The largest speed setting that does not exceed a speed."""
+        """The largest speed setting, per cent, that does not exceed a speed, or else the least setting."""
         return setting(speed_mm_s, self.profile.speed_mm_s, LEAST_SPEED, MOST)
 
     def speed_mm_s(self, percent: int) -> float:
@@ -38,5 +38,5 @@ class Scale:
         return least + (most - least) * (percent - LEAST_SPEED) / (MOST - LEAST_SPEED)
 
     def force(self, force_n: float) -> int:
-        """The largest force setting that does not exceed a force."""
+        """The largest force setting, per cent, that does not exceed a force, or else the least setting."""
         return setting(force_n, self.profile.force_n, LEAST_FORCE, MOST)

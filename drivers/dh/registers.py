@@ -1,8 +1,8 @@
 """Registers of the AG and PGC series.
 
-Sources: [AG] "AG-95 Gripper Short Manual (Modbus-RTU)", [PGC] "PGC-50 Gripper Short Manual", and [PGE]
-"PGE-2 Gripper User Manual" V1.0 (2021). The manual of the PGC series and [PGE] have the map of [PGC]. Every
-register is one word; functions 03, 06 and 16 are served ([PGE] 3.3.2).
+Sources: [AG] "AG-95 Gripper Short Manual (Modbus-RTU)", [PGC] "PGC-50 Gripper Short Manual", and [PGE] "PGE-2
+Gripper User Manual" V1.0 (2021). The registers are those of [PGC]; [PGE] and the manual of the PGC series
+list the same. Every register is one word; functions 03, 06 and 16 are served ([PGE] 3.3.2).
 """
 
 from enum import IntEnum
@@ -34,7 +34,7 @@ LEAST_FORCE, LEAST_SPEED, MOST = 20, 1, 100  # per cent
 
 
 class Initialised(IntEnum):
-    """Values of `INITIALISED`."""
+    """Values of the register `INITIALISED`: whether the gripper is initialised."""
 
     NO = 0
     YES = 1
@@ -42,7 +42,7 @@ class Initialised(IntEnum):
 
 
 class Grip(IntEnum):
-    """Values of `GRIP`."""
+    """Values of the register `GRIP`: whether the fingers move, and what ended their motion."""
 
     MOVING = 0
     AT_POSITION = 1  # nothing was met

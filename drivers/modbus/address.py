@@ -1,4 +1,4 @@
-"""Names of serial ports with a Modbus unit: `make:///dev/ttyUSB0?unit=2`, or `make://host:port?unit=2`."""
+"""Port names with a Modbus unit, such as `make:///dev/ttyUSB0?unit=2` or `make://host:port?unit=2`."""
 
 from urllib.parse import parse_qsl
 
@@ -23,7 +23,7 @@ def unit_of(port: str, usual: int) -> int:
 
 
 def opened(port: str, baud: int, parity: str = "N") -> Stream:
-    """Opens the serial port in a port's name, or connects to the device server in it.
+    """Opens the serial port that a port name states, or connects to the serial device server that it states.
 
     Raises:
         PortError: the port cannot be opened, or its name is invalid.

@@ -1,7 +1,8 @@
-"""Modbus requests and answers as bytes: pymodbus encodes and decodes them, and this module finds answers.
+"""Modbus requests and answers as bytes: encodes a request, and finds its answer in received bytes.
 
 On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
-echo suppression) or after an answer to another master; so the search tries every byte.
+echo suppression) or after an answer to another master. So the search for an answer starts at every byte.
+Encoding and decoding are left to pymodbus.
 """
 
 import logging
@@ -17,7 +18,7 @@ ERROR_BIT = 0x80
 
 
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); answers carry no number of their request."""
+    """RTU frames with CRC (Modbus over serial line 1.02); an answer does not name its request."""
 
     numbered = False  # whether answers carry the number of their request
 
@@ -52,7 +53,7 @@ class RtuFraming:
 
 
 class TcpFraming:
-    """Modbus TCP frames; a number in the header of an answer identifies its request."""
+    """Modbus TCP frames; the header of an answer has the number of its request."""
 
     numbered = True
 

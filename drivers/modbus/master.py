@@ -18,7 +18,7 @@ LATE_S = 0.02  # wall; silence of the line required after a failure, before the 
 
 
 class Refusal(NamedTuple):
-    """Meaning of a Modbus exception code, and the remedy."""
+    """What a Modbus exception code means, and what to do about it."""
 
     sentence: str
     remedy: str = ""  # empty: `Master.wrong_device` is the remedy

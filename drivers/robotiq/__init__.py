@@ -1,1 +1,1 @@
-"""Robotiq 2F and Hand-E grippers: registers as data, device logic, Modbus, CANopen and URCap transports."""
+"""Robotiq 2F and Hand-E grippers: registers as data, device logic, links over Modbus, CANopen and URCap."""

@@ -1,9 +1,9 @@
-"""The gripper over CANopen: the two register blocks as bytes of two objects, one expedited SDO a byte.
+"""Link to a Robotiq gripper over CANopen: the register blocks are two objects, transferred byte by byte.
 
 UNVERIFIED. Robotiq publishes no object dictionary, PDO map or bitrate for a 2F gripper. The map here is
 inferred from the one public client of the same family, for the 3-Finger gripper (ros-industrial/robotiq,
 `robotiq_3f_gripper_can_client.cpp`): node 11, object 0x2200 takes the output bytes and 0x2000 gives the input
-bytes, sub-index = byte + 1, no PDOs. Every number of this map is a setting of the port:
+bytes, sub-index = byte + 1, expedited SDOs, no PDOs. Every number of this map is a setting of the port:
 
     can:can0?node=11&output=0x2200&input=0x2000&bitrate=500000&interface=socketcan
 
@@ -81,7 +81,7 @@ class CanLink(ReportingLink):
         return bytes(map(self._repeated, reads))
 
     def write(self, block: bytes) -> None:
-        """Writes the bytes that differ from the last write, each once."""
+        """Writes those bytes of the output block that differ from the last write, each once."""
         for index in WRITE_ORDER if block[ACTION] & GOES else STOP_ORDER:
             if block[index] != self._written[index]:
                 self._written[index] = None  # until it is acknowledged
@@ -141,7 +141,7 @@ class CanLink(ReportingLink):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
 ) -> Gripper:
-    """Opens `can:channel?setting=value&...`; starts the node, unless `read_only`.
+    """Opens the gripper at `can:channel?setting=value&...`; starts the node, unless `read_only`.
 
     Raises:
         PortError: the extra is not installed, a setting is invalid, or there is no such bus.
@@ -153,7 +153,7 @@ def gripper(
 
 
 def parse(port: str) -> CanMap:
-    """Parses the map in a port's name; settings that are not named have the defaults.
+    """Parses the map in a port's name; a setting that the name does not state has its default.
 
     Raises:
         PortError: a setting is invalid.

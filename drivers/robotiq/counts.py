@@ -10,7 +10,7 @@ MODEL = "robotiq-2f-85"  # default, since no register holds the model
 
 
 class Counts:
-    """Conversion of the counts of one model.
+    """Conversion between the counts of one gripper model and widths, speeds and forces.
 
     Raises:
         PortError: the profile has no `counts`.
@@ -26,23 +26,23 @@ class Counts:
         _, self._closed = self.profile.counts
 
     def width_um(self, count: int) -> int:
-        """The nominal width at a count, extrapolated beyond the end counts."""
+        """The nominal width at a position count, extrapolated beyond the end counts."""
         return self.profile.counted_um(count)
 
     def target_um(self, count: int) -> int:
-        """The requested width at a count: at most the stroke; -1 beyond the closed end."""
+        """The width that a requested count stands for: at most the stroke; -1 beyond the closed end."""
         return min(max(self.width_um(count), -1), self.profile.stroke_um)
 
     def request(self, width_um: int) -> int:
-        """The count to request for a width; `CLOSED` below 0, `OPEN` from the stroke on."""
+        """The count that requests a width: `CLOSED` for a negative width, `OPEN` for the stroke or more."""
         if width_um >= self.profile.stroke_um:
             return OPEN
         return CLOSED if width_um < 0 else self._closed - self.profile.step(width_um)
 
     def speed(self, speed_mm_s: float) -> int:
-        """The largest speed setting that does not exceed a speed."""
+        """The largest speed setting that does not exceed a speed, or else the least setting."""
         return setting(speed_mm_s, self.profile.speed_mm_s, 0, CLOSED)
 
     def force(self, force_n: float) -> int:
-        """The largest force setting that does not exceed a force."""
+        """The largest force setting that does not exceed a force, or else the least setting."""
         return setting(force_n, self.profile.force_n, 0, CLOSED)

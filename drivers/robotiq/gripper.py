@@ -1,6 +1,6 @@
 """Device logic of a Robotiq 2F gripper: activation, moves, and detection of stale flags.
 
-After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
+It follows the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
 """
 
 from typing import Protocol
@@ -22,7 +22,7 @@ COMM_SILENCE = 0x09
 
 
 class Link(Protocol):
-    """The two register blocks, on any bus.
+    """Reads and writes the two register blocks of a gripper, on any bus.
 
     In both directions a LinkTimeout means that there was no valid answer, and any other LinkError that the
     connection is gone or the device refuses.
@@ -126,7 +126,7 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position_counts if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether gOBJ is final and agrees with the count; a stale or stuck gOBJ usually does not."""
+        """Whether gOBJ is final and agrees with the count; a stale or stuck gOBJ usually disagrees."""
         if seen.moving or not seen.going:
             return False
         asked, start = move.target, move.before.position_counts
@@ -156,9 +156,9 @@ class Gripper(PolledGripper[Reading, int]):
         )
 
     def _send(self, image: dict[str, int]) -> None:
-        """Writes the output block with the values of `image`, again until a write is acknowledged.
+        """Writes the output block with the values of `image`, until a write is acknowledged.
 
-        A write without an acknowledgement is repeated even where the gripper echoes `image`: the input block
+        A write without an acknowledgement is repeated even if the gripper echoes `image`: the input block
         does not echo speed and force.
         """
         block = pack(OUTPUT_FIELDS, image)

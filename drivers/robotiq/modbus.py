@@ -1,7 +1,7 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
-A failed read is repeated. A failed write is not: the device logic reads the state first. Behind a gateway
-the blocks may have other addresses:
+A failed read is repeated. A failed write is not: the device logic first reads the state. Behind a gateway the
+blocks may have other addresses:
 
     tcp://192.168.1.20:502?unit=9&output=0x03E8&input=0x07D0&function=3
 """
@@ -116,7 +116,7 @@ def gripper(
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
-    """Parses the wiring in a port's name, after its `?`; settings that are not named come from `usual`.
+    """Parses the wiring in a port's name, after its `?`; a setting that is not stated comes from `usual`.
 
     Raises:
         PortError: a setting is invalid, or repeated.

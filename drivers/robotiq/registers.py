@@ -13,7 +13,7 @@ from drivers.errors import GripperFault
 
 
 class Field(NamedTuple):
-    """A field of a register block: `width` bits of byte `byte`, of which `shift` is the lowest.
+    """A field of a register block: `width` bits of the byte with number `byte`, from bit `shift` up.
 
     `source` names the page of the manual, and says what the values mean.
     """
@@ -149,7 +149,7 @@ def fault_text(code: int) -> str:
 
 
 def is_major(code: int) -> bool:
-    """Whether only a reset clears a fault; an unknown one counts as major, as in Robotiq's own SDK."""
+    """Whether only a reset clears a fault; an unknown fault counts as major, as in Robotiq's own SDK."""
     return code != 0 and code not in PRIORITY | MINOR
 
 

@@ -1,9 +1,10 @@
 """The gripper's register blocks through Robotiq's URCap: lines of text on TCP port 63352 of a UR controller.
 
-`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are the names of the
-registers: ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read;
-    there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
-Answers have no sequence number. After a missing answer the link therefore resynchronises: it asks for one of
+`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the registers.
+ACT, GTO, POS, SPE and FOR are written. ACT, GTO, STA, OBJ, FLT, PRE (echo of POS) and POS (encoder) are read;
+there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
+
+Answers have no sequence number. So the link resynchronises after a missing answer: it asks for one of
 `FENCES`, for which it asks at no other time, and discards all answers before that one.
 """
 
@@ -61,8 +62,8 @@ class UrcapLink(StreamLink):
     def write(self, block: bytes) -> None:
         """Writes the output block, once, in one line; GTO 1, which starts a motion, comes last.
 
-        ACT is sent only in a block without rGTO, and only if it differs from the value last read: otherwise a
-        gripper that lost power meanwhile would start its activation sweep.
+        ACT is sent only if rGTO is 0 and ACT differs from the value last read: otherwise a gripper that lost
+        power meanwhile would start its activation sweep.
         """
         image = unpack(OUTPUT_FIELDS, block)
         if image["rGTO"]:
@@ -97,7 +98,7 @@ class UrcapLink(StreamLink):
         return value
 
     def _find_step(self) -> None:
-        """Resynchronises: asks a question with no other use, and discards everything before its answer."""
+        """Resynchronises: asks for one of `FENCES`, and discards everything before the answer."""
         if not self._fences:
             return
         if self._fences == ["lost"]:

@@ -1,7 +1,8 @@
-"""Device logic of a SCHUNK EGU or EGK: commands by edges of the control word, outcomes by the status word.
+"""Device logic of a SCHUNK EGU or EGK: commands in a control word, outcomes in a status word.
 
-A request to close is sent as a grip, any other as a positioning move, for which meeting a part is an error.
-A held part is released before the next motion, even if that is a grip. Sources as in `registers`.
+A control bit that changes to 1 is a command. A request to close is sent as a grip, any other request as a
+positioning move, in which it is an error to meet a part. A held part is released before the next motion, even
+before a grip. `drivers.schunk.registers` lists the sources.
 """
 
 from functools import partial
@@ -28,7 +29,7 @@ GRIP_OUTCOMES = Status.GRIPPED | Status.NO_WORKPIECE
 
 
 class Limits(NamedTuple):
-    """Limits reported by the module, in um, um/s and N."""
+    """Limits reported by the gripper, in um, um/s and N."""
 
     lowest_um: int
     highest_um: int
@@ -36,16 +37,16 @@ class Limits(NamedTuple):
     fastest_um_s: int
     grip_um_s: int  # velocity of a grip with the whole force
     force_n: float
-    soft: bool  # whether the module accepts a velocity for gripping
+    soft: bool  # whether the gripper accepts a velocity for gripping
 
 
 class Gripper(PolledGripper[Input, Output]):
-    """Driver of a SCHUNK gripper; the target of a move is an output.
+    """Driver of a SCHUNK gripper; the target of a move is an `Output`.
 
-    Connecting only reads; errors of the gripper are acknowledged by `activate` alone.
+    Connecting only reads; only `activate` acknowledges errors of the gripper.
 
     Raises:
-        PortError: the stroke of the module differs from the profile's stroke.
+        PortError: the stroke of the gripper differs from the profile's stroke.
     """
 
     spread = 50  # um
@@ -68,7 +69,10 @@ class Gripper(PolledGripper[Input, Output]):
         return profile
 
     def state(self) -> GripperState:
-        """Reads the gripper now; the status comes last, so that retries of the rest do not make it stale."""
+        """Reads the state of the gripper.
+
+        The status is read last, so that repeated reads of other values do not make it stale.
+        """
         asked = self._asked()
         return self._state(self._read(), asked)
 
@@ -155,7 +159,7 @@ class Gripper(PolledGripper[Input, Output]):
         return output
 
     def _send(self, output: Output) -> None:
-        """Writes an output, again until a write is acknowledged: the same output is no new command."""
+        """Writes an output until a write is acknowledged; a repeated output is no new command."""
         write = partial(self._link.write, "plc_sync_output", *output)
         self._repeat(write, lambda: self._asked() == output)
 
@@ -185,7 +189,7 @@ class Gripper(PolledGripper[Input, Output]):
         return seen.position_um if self._fits(seen, move) else None
 
     def _fits(self, seen: Input, move: Move[Input, Output]) -> bool:
-        """Whether the status is final and agrees with the width."""
+        """Whether the status reports the end of the move and agrees with the width."""
         control, position_um = move.target.control, seen.position_um
         outcomes = GRIP_OUTCOMES if control & Control.GRIP else Status.POSITION_REACHED
         if not seen.status & outcomes:

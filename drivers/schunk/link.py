@@ -21,7 +21,9 @@ FENCE = PARAMETERS["sw_version_txt"]
 
 
 class SchunkLink(Master):
-    """A gripper's parameters on a serial line; owns the line, and never leaves it silent for long.
+    """Reads and writes a gripper's parameters on a serial line, which this object owns.
+
+    A thread sends requests during a silence, which the gripper would otherwise report as an error.
 
     Args:
         stream: the line.
@@ -71,7 +73,7 @@ class SchunkLink(Master):
         return ReadHoldingRegistersRequest(address=at, count=count, dev_id=self._unit)
 
     def _keep_alive(self) -> None:
-        """Sends a request if the line was silent; ignores errors, since the next caller meets them."""
+        """Sends a request if the line was silent; ignores errors, since the next caller will meet them."""
         idle_s = self._pace.elapsed(self._free_at)
         if idle_s < ALIVE_S or self._lost or not self._line.acquire(blocking=False):
             return

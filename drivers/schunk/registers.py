@@ -5,9 +5,9 @@ are little-endian, unlike Modbus. `plc_sync_input` and `plc_sync_output` are wha
 cyclically.
 
 Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the manual of the EGU with
-PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with its section
-numbers; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
-repository (schunk_gripper_dummy/config/grippers).
+PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the section
+numbers given there; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in
+that repository (schunk_gripper_dummy/config/grippers).
 """
 
 import struct
@@ -107,7 +107,7 @@ _SOFT = (*range(0x0E, 0x14),)  # module types of an EGK of any size ([BKS] eGrip
 
 
 def is_soft(module_type: int) -> bool:
-    """Whether a module accepts a velocity for gripping: SoftGrip ([CM] 1.2.3)."""
+    """Whether a type of gripper accepts a velocity for gripping: SoftGrip ([CM] 1.2.3)."""
     return module_type in _SOFT
 
 
@@ -148,7 +148,7 @@ class Status(IntFlag):
 
 
 class Command(IntEnum):
-    """Values of `command_code` ([BKS] pyschunk eCmdCode, as bks_move and bks_grip use it)."""
+    """Values of the parameter `command_code` ([BKS] pyschunk eCmdCode, as bks_move and bks_grip use it)."""
 
     RELEASE = 0x11
     ACKNOWLEDGE = 0x8B
@@ -161,9 +161,9 @@ class Command(IntEnum):
 
 
 class Input(NamedTuple):
-    """Values of `plc_sync_input`.
+    """Values of the parameter `plc_sync_input`, by which the gripper reports its state.
 
-    Bytes 12, 14 and 15 are error, warning and additional code ([DUMP], [BKS]); [CM] counts them otherwise.
+    Bytes 12, 14 and 15 are error, warning and additional code ([DUMP], [BKS]); [CM] states other positions.
     """
 
     status: Status
@@ -180,13 +180,13 @@ class Input(NamedTuple):
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:
-        """Decodes the elements of the parameter."""
+        """Creates an input from the elements of the parameter `plc_sync_input`."""
         status, *rest = map(int, values)
         return cls(Status(status), *rest)
 
 
 class Output(NamedTuple):
-    """Values of `plc_sync_output`."""
+    """Values of the parameter `plc_sync_output`, by which the host commands the gripper."""
 
     control: Control
     position_um: int = 0
@@ -195,7 +195,7 @@ class Output(NamedTuple):
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:
-        """Decodes the elements of the parameter."""
+        """Creates an output from the elements of the parameter `plc_sync_output`."""
         control, *rest = map(int, values)
         return cls(Control(control), *rest)
 

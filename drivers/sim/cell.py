@@ -45,7 +45,7 @@ class Cell(Site):
     """A simulated cell: the gripper on the ports of its make, arm and scene on TCP ports.
 
     All ports of the gripper lead to one gripper, and all ports of the arm to one arm: clients must use only
-    one port of each.
+    one port of the gripper, and one of the arm.
 
     Args:
         setting: part and world.

@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """A kind of event that is counted; each fault begins and ends at counts of one channel."""
+    """A kind of events that are counted for each part; the counts say when a fault begins and ends."""
 
     LINE = "line"  # requests that reach the gripper's end of the line, and their answers
     GRIPPER = "gripper"  # the same requests; the registers or the device itself fail
@@ -119,7 +119,7 @@ class Fault(NamedTuple):
 
 
 class Listed:
-    """A schedule that lists its faults."""
+    """A schedule with a fixed list of faults."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults = tuple(faults)
@@ -130,7 +130,7 @@ class Listed:
 
 
 class Seeded(Listed):
-    """A random schedule: each part has no, one or two faults, which depend only on seed and number."""
+    """A random schedule: a part has at most two faults, which depend only on seed and number of the part."""
 
     def __init__(self, seed: int) -> None:
         super().__init__()

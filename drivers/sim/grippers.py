@@ -1,4 +1,4 @@
-"""The simulators of grippers by model: the device, its ports and its driver."""
+"""The simulators of grippers, by model: the device, its ports and its driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from runtime.table import same_model
 
 @dataclass(frozen=True)
 class Simulator:
-    """Simulator of the grippers of one make."""
+    """What simulates the grippers of one make: the device, its registers, and the driver to connect to it."""
 
     model: type[Fingers]  # the simulated device
     registers: Callable[[Any, Callable[[], float]], Registers]  # by device and clock
@@ -48,12 +48,12 @@ class Simulator:
     def ports(
         self, device: Any, site: Site, line: Callable[..., Line]
     ) -> tuple[str, dict[str, str]]:
-        """Opens the ports of the device, of which a host uses one.
+        """Opens all ports of the device; a host uses only one of them.
 
         Args:
             device: the gripper.
             site: simulated time and event loop.
-            line: makes a line to the gripper; `checked=False`: its frames have no CRC.
+            line: creates a line to the gripper; `checked=False`: its frames have no CRC.
 
         Returns:
             Path of the serial port, and the addresses of the other ports.
@@ -62,12 +62,12 @@ class Simulator:
 
 
 class RobotiqSimulator(Simulator):
-    """Simulator of Robotiq grippers, which have also TCP ports and the URCap."""
+    """Simulator of Robotiq grippers, which also have TCP ports and the URCap."""
 
     def ports(
         self, device: Any, site: Site, line: Callable[..., Line]
     ) -> tuple[str, dict[str, str]]:
-        """Opens a serial port, and TCP ports for RTU, Modbus TCP and the URCap."""
+        """Opens a serial port, and TCP ports for RTU, Modbus TCP and the URCap; returns their addresses."""
         path, _ = super().ports(device, site, line)
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
@@ -94,7 +94,7 @@ SIMULATORS = {
 
 
 def simulator(model: str) -> Simulator:
-    """The simulator of a model, in any spelling; raises a UsageError if the model is unknown."""
+    """Returns the simulator of a model, in any spelling; raises a UsageError if the model is unknown."""
     for name, result in SIMULATORS.items():
         if same_model(name, model):
             return result

@@ -53,7 +53,7 @@ class Workcell(Surroundings):
         self.arm = ArmModel(ARM_BASE, ramps, self.desk, seed)
 
     def line(self, *, checked: bool = True) -> Line:
-        """A line to the gripper; `checked`: its frames end in a CRC."""
+        """Creates a line to the gripper; `checked`: its frames end in a CRC."""
         return Line(self.desk, self._noise, checked=checked)
 
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
@@ -81,9 +81,9 @@ class Workcell(Surroundings):
     # -- the arm ----------------------------------------------------------------------------------
 
     def arm_stands(self) -> None:
-        """Applies the effect of the arm's last motion on the part; does nothing if there is no new motion.
+        """Applies the effects of the arm's last motion to the part; does nothing if there is no new motion.
 
-        It is called when an arm instruction may be over. In the motion the hand may have carried a part,
+        It is called when an arm instruction may be over. In the motion the hand may have carried the part,
         pushed it, or come down on it.
         """
         if self.arm.moves == self._moves:
@@ -120,7 +120,7 @@ class Workcell(Surroundings):
     # -- feeder and ground truth ------------------------------------------------------------------
 
     def answer(self, what: str) -> Mapping[str, object] | None:
-        """Answers a request for the next part or for the truth about this one; None for any other request."""
+        """Answers a request for the next part, or for the truth about the part; None for other requests."""
         self.gripper.advance(self.now())
         if what == "next_part":
             return {"part": self.table.next_part()}

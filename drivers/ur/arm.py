@@ -1,7 +1,7 @@
-"""A UR arm: read by RTDE, moved by one short program for each motion, over the secondary interface.
+"""Driver of a UR arm: reads by RTDE, and sends a short program for each motion to the secondary interface.
 
 Connecting only reads. A motion is refused while another program runs, and stopped when it is interrupted or
-late. Two registers report its start and end; only programs of this driver write them.
+late. Two registers report the start and the end of a motion; only programs of this driver write them.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ HINT = "check the address and that RTDE is enabled (Settings, Security, Services
 
 
 class Arm(UprightArm):
-    """Driver of an arm on an open RTDE connection, which the driver owns; `connect` opens a connection.
+    """Driver of a UR arm over an open RTDE connection, which this object owns; `connect` creates both.
 
     Args:
         stream: connection to RTDE.
@@ -143,7 +143,7 @@ class Arm(UprightArm):
 
 
 def _pacing(motion: Motion) -> tuple[str, float]:
-    """Returns the argument of `movel` that paces a motion, and the motion's duration without ramps, s.
+    """Returns the argument of `movel` that sets the pace of a motion, and the duration without ramps, s.
 
     `movel` limits only the speed of the tool's point, so a motion that mostly turns gets a duration instead.
     """

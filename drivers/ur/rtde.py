@@ -1,8 +1,8 @@
 """Reads a UR controller by Real-Time Data Exchange, protocol version 2, TCP port 30004.
 
 By Universal Robots' RTDE guide, a package has a size (uint16), a type (one letter) and a payload, big endian.
-The stream is started for each reading and paused after it, so that a reading is never older than its
-request, and no data accumulates between two.
+The stream is started for each reading and paused after it, so that a reading is never older than its request,
+and no data accumulates between two readings.
 """
 
 import struct
@@ -59,10 +59,10 @@ class Reading(NamedTuple):
 
 
 class Rtde:
-    """An RTDE connection on a stream. Creating it only agrees on protocol version and fields.
+    """An RTDE connection on a stream. The constructor only agrees on protocol version and fields.
 
     Raises:
-        RtdeError: there is no RTDE, or it lacks a field.
+        RtdeError: the other side does not speak RTDE, or lacks a field.
     """
 
     def __init__(self, stream: Stream, pace: Pace) -> None:
@@ -85,7 +85,7 @@ class Rtde:
         """Reads the controller now.
 
         Raises:
-            RtdeError: it does not answer in time.
+            RtdeError: the controller does not answer in time or refuses, or a reading was interrupted.
         """
         if self._out_of_step:
             raise RtdeError("a reading was interrupted")
@@ -116,7 +116,7 @@ class Rtde:
         return self._await(kind)
 
     def _await(self, kind: str) -> bytes:
-        """Waits for the next package of a kind and returns its payload; drops others (data, text)."""
+        """Waits for the next package of a kind and returns its payload; drops packages of other kinds."""
         for left in self._pace.looks(self._pace.now() + ANSWER_S):
             while (package := self._package()) is not None:
                 if package[0] == ord(kind):

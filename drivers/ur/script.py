@@ -1,4 +1,4 @@
-"""Programs in URScript (Universal Robots' script manual) that the driver sends; conversions of rotations."""
+"""Programs in URScript (Universal Robots' script manual) that the driver sends, and conversions of poses."""
 
 import math
 
@@ -27,7 +27,7 @@ def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
 
 
 def stop() -> bytes:
-    """Creates a program that brakes; it replaces the running one."""
+    """Creates a program that brakes the arm; it replaces the running program."""
     return _program(f"stopl({STOP_M_S2})")
 
 

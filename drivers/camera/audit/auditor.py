@@ -66,8 +66,8 @@ def judge(
         sigma_rad: standard deviation of the measured angle.
 
     Returns:
-        The answer. Its verdict is "unknown" if the goal leaves open the pose, or if the distance of the poses
-        is within `COVERAGE` standard deviations of the goal's limit, otherwise "pass" or "fail".
+        The answer. Its verdict is "unknown" if the goal asks only which part it is, or if the distance of the
+        poses is within `COVERAGE` standard deviations of the goal's limit; otherwise it is "pass" or "fail".
     """
     if goal.kind == "identity":
         return Answer(
@@ -109,9 +109,10 @@ class Auditor:
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Takes a picture and judges one part.
 
-        The verdict is "fail" if the tag of another part of the table is seen; for a goal of kind "identity"
-        it is "pass" if the named part's is. It is "unknown", with a reason, if no tag file is for the named
-        part, or if the camera or the measurement fails.
+        The verdict is "fail" if the tag of another part of the table is seen. For a goal of kind "identity"
+        it is "pass" if the tag of the named part is seen. For other goals, `judge` compares the poses. The
+        verdict is "unknown", with a reason, if the named part has no tag file, or if the camera or the
+        measurement fails.
 
         Args:
             part: number of the part.

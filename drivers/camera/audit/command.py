@@ -103,13 +103,13 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
 def read(
     options: argparse.Namespace,
 ) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
-    """Reads the calibration and the subjects that a command line names; passes on errors of the readers."""
+    """Reads the calibration and the parts that a command line names; raises the errors of their readers."""
     tags = [tag_file.load(path) for path in options.tag]
     return calibration.load(options.calibration), subject.from_table(options.tree, tags)
 
 
 def digest_of(tree: Path) -> str | None:
-    """Returns the SHA-256 of a table's file; None if the file is invalid, for which `read` then raises."""
+    """Returns the SHA-256 of a table's file; None if the file is invalid, an error that `read` reports."""
     try:
         return load(tree).digest
     except TableError:
@@ -117,7 +117,7 @@ def digest_of(tree: Path) -> str | None:
 
 
 def make(options: argparse.Namespace) -> Auditor:
-    """Creates the auditor that a command line describes; passes on the errors of `read` and `open_source`."""
+    """Creates the auditor that a command line describes; raises the errors of `read` and `open_source`."""
     if options.pictures is not None:
         folder(options.pictures, Path(options.camera))
     known, about = read(options)

@@ -24,7 +24,7 @@ QUALITY = 85
 
 
 def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
-    """Writes an overlay; first deletes the oldest overlays beyond `MOST_PICTURES` in all.
+    """Writes an overlay to a file; first deletes the oldest overlays beyond `MOST_PICTURES` in all.
 
     Args:
         folder: folder of overlays; created if missing.
@@ -57,15 +57,15 @@ def draw(
     measured: Measured | None,
     sentence: str,
 ) -> Picture:
-    """Draws the part at its predicted and its measured pose, and a sentence, on a picture.
+    """Draws the part at its predicted and its measured pose, and a sentence, over a picture.
 
     Args:
         picture: (h, w) as taken.
-        view: of the camera.
+        view: lens and pose of the camera.
         subject: the part's outline and tag.
         predicted: pose that the leaf states, mm, mm, rad.
-        measured: the measurement; None without one.
-        sentence: verdict and reason.
+        measured: the measurement; None: there is none, and only the predicted pose is drawn.
+        sentence: verdict and reason, written along the lower edge.
 
     Returns:
         The drawing, (h, w, 3), blue first.

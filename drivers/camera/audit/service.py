@@ -1,8 +1,8 @@
 """The audit as a process: answers each question, a line of JSON, by a line of JSON before a deadline.
 
-The lines have the format of `runtime.devices.audit`; answers have more fields of the measurement. A question
-is always answered: by "unknown" where the camera hangs, memory runs out or anything else fails. A process
-that has grown too large restarts between two questions.
+The lines have the format of `runtime.devices.audit`; answers have more fields of the measurement. Every
+question is answered: if the camera hangs, memory runs out or anything else fails, the verdict is "unknown". A
+process that has grown too large restarts between two questions.
 """
 
 import json
@@ -101,7 +101,7 @@ class Lines:
     def next(self) -> bytes | None:
         """Waits for the next line and returns it; None at the end of the pipe.
 
-        A line that is longer than `MAX_LINE_BYTES` loses bytes after these.
+        A line longer than `MAX_LINE_BYTES` is returned in part: later bytes may be missing.
         """
         while b"\n" not in self._read:
             piece = os.read(self._descriptor, 4096)
@@ -124,8 +124,8 @@ def serve(
     Args:
         lines: the questions.
         worker: judges the parts.
-        write: writes an answer's line.
-        full: whether the process has grown too large.
+        write: writes the line of an answer.
+        full: returns whether the process has grown too large.
         table_sha256: digest of the auditor's table; None: unknown.
 
     Returns:
@@ -143,9 +143,7 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Limits the growth of this process's memory.
-
-    Address space may grow by `RESERVE_BYTES` more than `memory_mb`.
+    """Limits the growth of this process's address space to `memory_mb` plus `RESERVE_BYTES`.
 
     Returns:
         A function that says whether resident memory has grown by more than `memory_mb`.
@@ -161,8 +159,9 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
 def _answered(line: bytes, worker: Worker, table_sha256: str | None) -> dict[str, object]:
     """Returns the fields of the answer to a line.
 
-    A question may state the digest of its table. If that is another table than the auditor's, or if the
-    question has no pose, nothing is judged, and the answer holds the digest of the auditor's table.
+    A question may state the digest of the run's table. If that is another table than the auditor's, nothing
+    is judged. A question with a digest but no pose only asks whether the tables agree. In both cases the
+    answer holds the digest of the auditor's table.
     """
     try:
         asked = strict_json.parse(line)

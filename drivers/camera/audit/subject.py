@@ -33,7 +33,7 @@ def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
     """Reads the parts to judge from a table, one for each tag; also raises the errors of the table's reader.
 
     Raises:
-        InputError: there are several tags but the table is for one part, or a tag's part is not in the table.
+        InputError: there are several tags but the table is for one part, or the table lacks a tag's part.
     """
     table = load(path).table
     names = [hypothesis.name for hypothesis in table.hypotheses]

@@ -26,7 +26,8 @@ def check(
         The greatest motion of a reference tag, mm.
 
     Raises:
-        PictureError: a tag has moved farther, is seen beyond the table's horizon, or none is seen.
+        PictureError: a reference tag has moved farther or is seen beyond the table's horizon, or no
+            reference tag is seen.
     """
     if not references:
         return 0.0

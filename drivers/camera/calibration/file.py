@@ -26,7 +26,7 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation, due to the calibration, of a place measured on the table; given on a grid."""
+    """Standard deviations of measured places due to errors of the calibration, on a grid over the table."""
 
     x_mm: Array  # (m,) ascending
     y_mm: Array  # (n,) ascending
@@ -66,7 +66,7 @@ class CameraCalibration:
 
 
 def save(calibration: CameraCalibration, path: Path) -> None:
-    """Writes the file; raises OutputError where it cannot be written."""
+    """Writes a calibration to a file; raises OutputError if the file cannot be written."""
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
@@ -91,7 +91,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> CameraCalibration:
-    """Reads and checks a file; raises InputError where it is unreadable, changed or of another kind."""
+    """Reads a calibration from a file; raises InputError if it is unreadable, changed or of another kind."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -30,7 +30,7 @@ class Touched(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A calibration, and the data that it is based on."""
+    """A calibration, and the pictures and residuals that it is based on."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # residuals of boards on the table
@@ -117,7 +117,7 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 def read_poses(path: Path) -> tuple[Touched, ...]:
     """Reads pictures and known poses of a part from a CSV file; raises InputError if it cannot be read.
 
-    Its columns are `picture`, a path relative to the file, `x_mm`, `y_mm` and, if needed, `theta_rad`.
+    The columns are `picture` (a path relative to the CSV file), `x_mm`, `y_mm` and optionally `theta_rad`.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -141,7 +141,7 @@ def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder, sorted by name; raises InputError where it cannot be read."""
+    """Returns the pictures of a folder, sorted by name; raises InputError if the folder cannot be read."""
     try:
         return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
     except OSError as error:

@@ -21,7 +21,7 @@ INTRINSICS = 9
 
 
 class LensFit(NamedTuple):
-    """Result of `fit`: the lens and the pose of the table's board in the camera, with covariance."""
+    """Result of `fit`: lens, pose of the table's board in the camera's frame, and covariance of both."""
 
     lens: Lens  # the lens
     pose: Array  # (6,) rotation vector and translation of the first board in the camera, rad and mm
@@ -30,13 +30,13 @@ class LensFit(NamedTuple):
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fits a lens to views of a board, the first of which lies on the table.
+    """Fits a lens to views of a board; in the first view the board lies on the table.
 
     `size` is width and height of the pictures, in pixels.
 
     Raises:
-        InputError: there are too few views or too little tilt, no view covers a corner of the picture, or
-            residuals are large.
+        InputError: there are too few views or too little tilt, the board was never near one of the picture's
+            corners, or residuals are large.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]

@@ -35,7 +35,7 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measures the part's pose by its tag, which has to be the only tag in view beside the fixed tags.
+    """Measures the part's pose by its tag, which has to be the only tag in view apart from the fixed tags.
 
     Args:
         picture: the picture (h, w), to explain a tag that is not seen.
@@ -45,7 +45,8 @@ def measure(
         near: expected pose of the part, to explain a tag that is not seen.
 
     Raises:
-        PictureError: the tag is not seen, is not the only one beside the fixed tags, or has the wrong size.
+        PictureError: the tag is not seen, another tag is in view that is not fixed, or the tag has the wrong
+            size.
     """
     fixed = {reference.number for reference in calibration.references}
     sighting = the_one(seen, tag.number, fixed)
@@ -88,7 +89,7 @@ def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Si
     """Returns the sighting of the part's tag, `number`; None if only fixed tags, or no tags, are seen.
 
     Raises:
-        PictureError: beside the fixed tags, several tags are seen, or one of another number.
+        PictureError: apart from the fixed tags, several tags are seen, or one with another number.
     """
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]

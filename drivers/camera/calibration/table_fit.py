@@ -24,7 +24,7 @@ GRID = (17, 11)  # grid of the uncertainty, across and down the picture
 
 
 class Residuals(NamedTuple):
-    """Fitted corners of boards on the table, and the deviations of the measured corners from these."""
+    """Fitted corners of boards on the table, and the deviations of measured corners from the fitted ones."""
 
     places: Array  # (n, 2) fitted corners, mm
     off: Array  # (n, 2) deviations of the measured corners, mm
@@ -36,7 +36,7 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """Converts the board's pose to the camera's view of the table.
+    """Derives the camera's view of the table from the pose of the board on the table.
 
     The origin of the world is on the table, below the board's middle; x points to the right of the print.
 
@@ -64,7 +64,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
         The pose (mm, mm, rad), and the rms of the residuals, mm.
 
     Raises:
-        InputError: too few places, too near to one another, or in contradiction.
+        InputError: there are too few places, they are too close together, or they contradict one another.
     """
     a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
     if len(a) < LEAST_TOUCHED:
@@ -85,7 +85,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 
 
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
-    """Fits the pose of each board on the table, and returns how far its measured corners deviate from it.
+    """Fits the pose of each board on the table; returns the deviations of its measured corners from the fit.
 
     Raises:
         InputError: the rms deviation is too large.
@@ -109,8 +109,8 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """Computes the standard deviation of measured places on a grid over the visible part of the table.
 
-    While lens and pose of the camera vary by their covariance, a fixed pixel shows varying places on the
-    table; the result is the standard deviation of these places in the worst direction.
+    If lens and pose of the camera vary by their covariance, a fixed pixel shows varying places on the table.
+    The result is the standard deviation of these places in the worst direction.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.

@@ -34,7 +34,7 @@ class Board:
     marker_mm: float  # edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard
 
     def find(self, picture: Picture, name: str) -> BoardView | None:
-        """Finds the board in a picture; None where too little of it is seen."""
+        """Finds the board in a picture named `name`; returns None if too little of the board is seen."""
         numbers, pixels = self._charuco(picture) if self.marker_mm else self._chessboard(picture)
         if len(numbers) < LEAST_CORNERS:
             return None
@@ -61,7 +61,7 @@ class Board:
 
 
 def parse(text: str) -> Board:
-    """Parses a board as an option names it; raises an InputError if the text is invalid."""
+    """Parses a board as an option states it, such as `charuco:12x9:30:22.5`; raises InputError if invalid."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))

@@ -1,8 +1,8 @@
 """Refines the corners of a tag to a few hundredths of a pixel: they are intersections of its edge lines.
 
 Profiles of grey levels are read across each side. The edge in a profile is the centroid of the slope within a
-window centred on that edge, so that blur does not move it. A line is fitted to the edges of a side without
-outliers (a stain, a finger's shadow).
+window. The window is centred on the edge, so that blur does not move the result. A line is fitted to the
+edges of each side, without outliers (a stain, a finger's shadow).
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ class Corners(NamedTuple):
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refines the corners of a tag's black border; None where an edge is not seen well enough.
+    """Refines the corners of a tag's black border; returns None if an edge is not seen well enough.
 
     Args:
         picture: (h, w) grey levels.
@@ -75,7 +75,10 @@ def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
 
 
 def _sample(picture: Picture, spots: Array) -> Array | None:
-    """Grey levels at (..., 2) x and y, bilinearly interpolated; None where a point is outside the picture."""
+    """Interpolates the grey levels at places (..., 2), x and y in pixels, bilinearly.
+
+    Returns None if a place is outside the picture.
+    """
     x, y = spots[..., 0], spots[..., 1]
     height, width = picture.shape
     if not (x.min() >= 0 and y.min() >= 0 and x.max() < width - 1 and y.max() < height - 1):
@@ -114,7 +117,12 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
 
 
 def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] | None:
-    """Fits a line to the edge points of a side without outliers.
+    """Fits a line to the edge points of a side, leaving out outliers.
+
+    Args:
+        along: (m,) places of the profiles along the side, px.
+        edge: (m,) offset of the edge in each profile, px.
+        sharp: (m,) whether the profile shows an edge.
 
     Returns:
         Offset, slope and rms residual; None if too few points remain.

@@ -19,7 +19,7 @@ LIKE_PART_OF_A_TAG = 0.8
 
 
 def check_exposure(picture: Picture) -> None:
-    """Checks that a picture shows anything; raises PictureError where it is black, white or plain grey."""
+    """Raises a PictureError if a picture shows nothing: it is black, white or plain grey."""
     low, high = np.percentile(picture[::8, ::8], (1.0, 99.0))
     if high < BLACK_LEVEL:
         raise PictureError("the picture is black; check the light, the lens cap and the exposure")

@@ -1,7 +1,7 @@
 """A camera above or below a table, and its view of the table's plane: z = 0, z pointing up.
 
-A tag is measured by intersecting its corners' rays with its known plane: a free pose of six parameters
-would trade depth for tilt, with errors of millimetres.
+A tag is measured where the rays of its corners meet its plane, whose height is known. Fitting all six
+parameters of the tag's pose would trade depth for tilt, with errors of millimetres.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from drivers.planar import Pose2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A lens and its pose: p_camera = rotation p_world + translation."""
+    """Lens and pose of a camera: p_camera = rotation p_world + translation."""
 
     lens: Lens  # the lens
     rotation: Array  # (3, 3)
@@ -33,7 +33,10 @@ class View:
         return bool(self.eye[2] < 0.0)
 
     def on_plane(self, pixels: Array, height_mm: float = 0.0) -> Array:
-        """World x and y, mm, where rays of pixels (n, 2) meet a level plane; NaN where they do not."""
+        """Intersects rays of pixels (n, 2) with a level plane; returns (n, 2) world x and y, mm.
+
+        A ray that does not meet the plane has NaN.
+        """
         rays = self.lens.rays(np.asarray(pixels, np.float64).reshape(-1, 2))
         heading = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation
         eye = self.eye
@@ -56,7 +59,10 @@ class View:
         return self.pixels(np.column_stack([places, np.full(len(places), height_mm)]))
 
     def moved(self, pose: Pose2) -> "View":
-        """The same view in another world frame, whose `pose` (mm, mm, rad) is given in the present frame."""
+        """The same view in another world frame.
+
+        `pose` is the pose of that frame in the present world frame: mm, mm, rad.
+        """
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         shift = np.array([pose[0], pose[1], 0.0])
@@ -80,7 +86,7 @@ def as_it_lies(print_mm: Array, from_below: bool) -> Array:
 
 
 def placed(points: Array, pose: Pose2) -> Array:
-    """Transforms points (n, 2), mm, from a frame with this pose to the frame in which the pose is given."""
+    """Converts points (n, 2), mm, given in the frame at `pose`, to the frame in which `pose` is given."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
 

@@ -23,7 +23,7 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"})
 
 
 class Source:
-    """Takes pictures."""
+    """Base class of sources of pictures."""
 
     def picture(self, until: float) -> Picture:
         """Returns the next picture (h, w); a camera takes it after this call.
@@ -67,7 +67,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
 
 
 class Folder(Source):
-    """Pictures of a folder, each used once, sorted by name; waits for later ones."""
+    """Source that returns each picture of a folder once, sorted by name, and waits for new ones."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -108,7 +108,7 @@ class Folder(Source):
 
 
 class Still(Source):
-    """A camera that answers each request with one JPEG: network cameras, and the simulated one."""
+    """Source for a camera that answers each request with one JPEG: a network camera, or the simulated one."""
 
     def __init__(self, address: str) -> None:
         self._address = address
@@ -135,7 +135,7 @@ class Still(Source):
 
 
 class Stream(Source):
-    """A device or a stream, read continuously in a separate thread, so that its buffers hold no old pictures.
+    """Source for a device or a stream; a separate thread reads all frames, so that no old frame is pending.
 
     Args:
         address: device or URL, as OpenCV takes it.
@@ -165,7 +165,7 @@ class Stream(Source):
             return self._frame
 
     def close(self) -> None:
-        """Stops reading; a read that hangs is left to its thread."""
+        """Stops reading; a read that hangs goes on in its thread."""
         self._closed.set()
         self._thread.join(RETRY_S)
 

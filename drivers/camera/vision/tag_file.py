@@ -28,14 +28,14 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, date: str) -> None:
-    """Writes the file, with the date (ISO 8601); raises OutputError where it cannot be written."""
+    """Writes a tag and a date (ISO 8601) to a file; raises OutputError if the file cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
-    """Reads and checks a file; raises InputError where it is unreadable, changed, or of another family."""
+    """Reads a tag from a file; raises InputError if it is unreadable, changed, or of another family."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

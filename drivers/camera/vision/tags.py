@@ -48,12 +48,12 @@ def find(picture: Picture) -> list[Sighting]:
 
 
 def families_seen(picture: Picture) -> list[str]:
-    """Names of `OTHER_FAMILIES` in a picture; slow, only to explain why no tag of `FAMILY` is seen."""
+    """Names the `OTHER_FAMILIES` seen in a picture; slow, only to explain why no tag of `FAMILY` is seen."""
     return [name for name, code in OTHER_FAMILIES.items() if any(_read(code, picture))]
 
 
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
-    """Detects tags; returns the id and the coarse corners (4, 2) of each.
+    """Detects the tags of one OpenCV dictionary; returns the id and the coarse corners (4, 2) of each.
 
     OpenCV 4 and 5 return arrays of corners of different shapes, and None if there are no tags.
     """

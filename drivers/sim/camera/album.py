@@ -37,7 +37,7 @@ def _field_mm(optics: Optics) -> float:
 
 
 def _on_table(optics: Optics) -> list[Card]:
-    """The board at each of several poses on the table: first in the middle, then all over it."""
+    """Cards of the board at several poses on the table: the first in the middle, the others spread out."""
     field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
@@ -47,7 +47,7 @@ def _on_table(optics: Optics) -> list[Card]:
 def _held(
     optics: Optics, spot: tuple[float, float], tilt: tuple[float, float], rng: np.random.Generator
 ) -> Card:
-    """The board held in front of the camera, tilted, at a random distance and roll.
+    """Card of the board, held in front of the camera, tilted, at a random distance and roll.
 
     Args:
         optics: the camera.
@@ -67,7 +67,7 @@ def _held(
 
 
 def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Iterator[str]:
-    """Takes all pictures; yields the arguments of commands that create calibration and tag files from them.
+    """Takes all pictures; yields the arguments of each call of `grasp-calibrate` that evaluates them.
 
     Args:
         rig: the camera and its tags.

@@ -28,7 +28,7 @@ class Card:
 
     @property
     def half_mm(self) -> Array:
-        """Half the width (along `right`) and half the height (along `down`) of the card with margin, (2,)."""
+        """Half the width (along `right`) and half the height (along `down`) of the card with margin, mm."""
         rows, columns = self.cells.shape
         return 0.5 * self.cell_mm * np.array([columns, rows]) + self.margin_mm
 
@@ -36,7 +36,7 @@ class Card:
 def lying(
     cells: Cells, cell_mm: float, pose: Pose2, *, face_down: bool, margin_mm: float | None = None
 ) -> Card:
-    """A card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
+    """Creates a card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
 
     A card that lies face down is read from below. The default margin is one square wide.
     """
@@ -49,13 +49,13 @@ def lying(
 
 
 def tag_cells(number: int) -> Cells:
-    """The (8, 8) squares of a tag of the family 36h11, its black border included."""
+    """The squares of a tag of the family 36h11 with its black border: (8, 8), 1 = white."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, 8) > 127, np.uint8)
 
 
 def board_cells(columns: int, rows: int) -> Cells:
-    """The cells of a ChArUco board of `rows` x `columns` fields, (8 rows, 8 columns).
+    """The cells of a ChArUco board of `rows` x `columns` fields: (8 * rows, 8 * columns), 1 = white.
 
     A field is 8 x 8 cells; the marker in every second field is 6 x 6 cells (DICT_4X4_250).
     """

@@ -1,7 +1,7 @@
 """The optics of the simulated camera: the ray of each point of the picture.
 
-Projection and distortion are implemented independently of OpenCV, on which the measuring code relies, so that
-no mistake is in both.
+The measuring code projects and distorts by OpenCV, this module by formulas of its own. So a mistake in one of
+them shows.
 """
 
 from dataclasses import dataclass, replace
@@ -76,13 +76,13 @@ def webcam(
     turn_deg: float = 0.0,
     size: tuple[int, int] = (1920, 1080),
 ) -> Optics:
-    """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
+    """Creates a camera with the lens of an ordinary wide-angle webcam (82 degrees across).
 
     Args:
         eye_mm: position; a camera below the table looks up, one above it looks down.
         tilt_deg: rotation about the camera's x and y.
         turn_deg: rotation about the optical axis.
-        size: width and height of the picture; the lens stays the same.
+        size: width and height of the picture; the angle of view stays the same.
     """
     looks_up = eye_mm[2] < 0.0
     # Seen from below with x to the right, the world's y points down in the picture; from above, up.

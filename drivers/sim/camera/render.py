@@ -1,8 +1,8 @@
 """Rendering: intersects rays with cards, many for each pixel, then adds the flaws of a real picture.
 
 A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, just as a pixel of a sensor
-averages the light on its area. An edge is therefore accurate to about a hundredth of a pixel, and larger
-errors come from the measurement.
+averages the light on its area. So an edge is accurate to about a hundredth of a pixel: larger errors of a
+measured edge come from the measurement.
 """
 
 from collections.abc import Iterator, Sequence
@@ -83,7 +83,7 @@ def _light(optics: Optics, flaws: Flaws) -> Levels:
 
 
 def _draw(levels: Levels, optics: Optics, card: Card) -> None:
-    """Draws a card over the picture, in place."""
+    """Draws a card over the picture `levels`, in place."""
     box = _box(optics, _outline(card))
     if box is None:
         return
@@ -121,7 +121,7 @@ def _outline(card: Card) -> Array:
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
-    """Rows and columns of the picture that contain these points; None if all lie outside the picture."""
+    """Rows and columns of the picture that contain all these points; None if they lie outside the picture."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3

@@ -36,7 +36,7 @@ class Rig:
         return bool(self.optics.eye_mm[2] < 0.0)
 
     def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
-        """Cards of all tags: the fixed tags, and the part's tag, if the pose of the part is given.
+        """Cards of all tags: the fixed tags and, if the pose of the part is given, the part's tag.
 
         `number` is the id of the part's tag; by default the id that the rig states.
         """
@@ -50,14 +50,17 @@ class Rig:
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """Returns a function that renders the view `look()` as a JPEG file, with noise by `seed`."""
+        """Returns a function that takes a picture of `look()`, with noise by `seed`, as a JPEG file."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # computed once, before the first request
         return lambda: jpeg(self.seen(look(), rng), quality)
 
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
-        """Renders the picture of a view; the tag id of a foreign part is one less than `number`."""
+        """Renders the picture of what the camera has in view.
+
+        The tag of a foreign part has an id one less than `number`.
+        """
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
         number = self.number + look.hypothesis
@@ -69,6 +72,9 @@ class Rig:
 
 
 def standard_rig() -> Rig:
-    """A webcam 600 mm under the table, slightly tilted; the tag is shifted and turned on the part."""
+    """Creates a rig with a webcam 600 mm under the table; camera and tag are slightly out of place.
+
+    The camera is tilted, and the tag is shifted and turned on the part.
+    """
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
     return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

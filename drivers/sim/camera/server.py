@@ -9,7 +9,7 @@ from drivers.sim.wire.serving import HOST, LibraryServer
 
 
 class CameraServer(LibraryServer):
-    """Serves the JPEG files that `take` returns; several threads call it, one at a time."""
+    """Serves the JPEG files that `take` returns; several threads call `take`, but only one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
         lock = threading.Lock()

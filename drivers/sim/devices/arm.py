@@ -67,7 +67,7 @@ class Leg(NamedTuple):
         return joints or self.joints_deg
 
     def share(self, now_s: float) -> float:
-        """Share of the way that is done."""
+        """Share of the way that is done at a time, from 0 to 1."""
         if now_s >= self.start_s + self.seconds:
             return 1.0
         since, ramp, flat = max(now_s - self.start_s, 0.0), self.ramp_s, self.seconds - self.ramp_s
@@ -87,7 +87,8 @@ class HaltError(Exception):
 class ArmModel:
     """State of the open_abb server and of its arm.
 
-    Each received instruction counts as one event of the fault schedule; the faults due at it take effect.
+    Each received instruction counts as one event of the fault schedule; the faults scheduled for this event
+    take effect.
 
     Args:
         base: the arm's base frame in the world.
@@ -122,7 +123,7 @@ class ArmModel:
         self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
 
     def pose_at(self, now_s: float) -> Pose:
-        """Pose of the client's tool in the client's work object."""
+        """Pose of the client's tool in the client's work object at a time."""
         flange = compose(self._base, self.flange_at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
@@ -135,7 +136,7 @@ class ArmModel:
         self._tool, self._work_object = _unit(tool), _unit(work_object)
 
     def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
-        """Moves in a straight line to a fine point, at speeds in mm/s and deg/s; returns the time of arrival.
+        """Moves in a straight line, at speeds in mm/s and deg/s, to a stop; returns the time of arrival.
 
         Raises:
             HaltError: the arm cannot move there, or a speed is not positive.
@@ -157,7 +158,7 @@ class ArmModel:
         self._legs = [*begun, Leg(here, target, now_s, seconds, joints, ends, brakes=True)]
 
     def displace(self, by: tuple[float, float, float, float], moment_s: float) -> bool:
-        """Displaces the hand at once by x, y, z [mm] and a turn [rad], within its reach.
+        """Displaces the hand at once by x, y, z [mm] and a turn [rad], unless the new pose is out of reach.
 
         Returns:
             Whether the hand was moved.
@@ -175,14 +176,14 @@ class ArmModel:
         return True
 
     def flange_at(self, now_s: float) -> Pose:
-        """Pose of the flange in the base frame."""
+        """Pose of the flange in the base frame at a time."""
         return self._leg(now_s).at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
         """Executes one received string; does nothing after the program has halted.
 
         Raises:
-            RapidError: there are too many parameters, for which the server disconnects and listens again.
+            RapidError: there are too many parameters; the server then disconnects and listens again.
         """
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
@@ -230,7 +231,7 @@ class ArmModel:
         return Answer(f"{code} 1 {self._payload(message.code, now_s)}", ready_s)
 
     def _payload(self, code: float, now_s: float) -> str:
-        """Content of the answer to a question; empty for any other instruction."""
+        """Payload of the answer to an instruction: the data asked for; empty if it asks for none."""
         if code == 3:
             return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:
@@ -277,7 +278,7 @@ class ArmModel:
         return self._legs[max(index, 0)]
 
     def _flange_target(self, tip: Pose) -> Pose:
-        """Flange pose in the base frame that brings the tool to `tip` in the work object."""
+        """Pose of the flange in the base frame at which the tool is at `tip` in the work object."""
         world = compose(compose(self._work_object, _unit(tip)), invert(self._tool))
         return compose(invert(self._base), world)
 
@@ -303,7 +304,7 @@ class ArmModel:
         return leg.start_s + leg.seconds
 
     def _line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> tuple[float, float]:
-        """Executes a MoveL; returns the times at which the next instruction may start and the motion ends."""
+        """Executes a MoveL; returns when the next instruction may start, and when the motion ends."""
         target = self._flange_target(tip)
         if min(speed) <= 0.0:
             raise HaltError("50204 speed is not positive")
@@ -319,7 +320,7 @@ class ArmModel:
     def _profile(
         self, ways: tuple[float, float], speeds: tuple[float, float]
     ) -> tuple[float, float]:
-        """Durations of a linear motion and of its acceleration, s; the slower of path and turn decides.
+        """Durations of a straight motion and of its acceleration, s; the slower of path and turn decides.
 
         Args:
             ways: length of the path and angle of the turn, mm and deg.

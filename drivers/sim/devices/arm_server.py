@@ -16,7 +16,7 @@ SEND_S = 0.5  # wall; a client of the logger that reads nothing is disconnected
 
 
 class ArmServer:
-    """Serves an arm model like SERVER.mod.
+    """TCP server that lets clients command an arm model, as SERVER.mod does for a real arm.
 
     Args:
         model: the arm.

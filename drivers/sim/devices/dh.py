@@ -1,7 +1,7 @@
 """A gripper of DH-Robotics' AG or PGC series as a state machine over simulated time; no I/O, no clock.
 
-`drivers.dh.registers` lists the registers. Where the manuals are unclear, the device behaves
-adversely, so that a driver relies on no assumption: the grip state follows a command late, and a value out of
+`drivers.dh.registers` lists the registers. Where the manuals are unclear, the device behaves adversely, so
+that a driver that relies on an assumption fails: the grip state follows a command late, and a value out of
 range gets no answer.
 """
 
@@ -35,7 +35,7 @@ DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest
 class DhModel(Fingers):
     """A DH gripper from power-up on. Times are simulated seconds and never go back.
 
-    The gripper has no fault register, so gFLT faults do not apply.
+    The gripper has no fault register, so the faults that set a Robotiq gripper's gFLT do not apply.
     """
 
     MODEL = MODEL
@@ -100,7 +100,7 @@ class DhModel(Fingers):
     def _initialise(self, how: int) -> None:
         """Starts the initialisation: the fingers search for one end stop or, to learn the stroke, for both.
 
-        `how` is the value written to the register; `INITIALISE` is the search for one end stop.
+        `how` is the value written to the register: `INITIALISE` for one end stop, any other for both.
         """
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)

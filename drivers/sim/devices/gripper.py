@@ -1,6 +1,6 @@
 """A Robotiq gripper as a state machine over simulated time, without I/O or clock.
 
-Behaviour by the 2F-85 manual ([M18] p54-62) and Robotiq's SDK.
+It behaves as the 2F-85 manual ([M18] p54-62) and Robotiq's SDK say.
 """
 
 import math
@@ -33,14 +33,14 @@ FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 @lru_cache(4096)
 def input_block(**fields: int) -> bytes:
-    """The 16 input bytes that contain these fields."""
+    """The 16 input bytes that contain the values of these fields."""
     return pack(INPUT_FIELDS, fields) + bytes(10)
 
 
 class GripperModel(Fingers):
     """A Robotiq gripper from power-up on. Times are simulated seconds and never go back.
 
-    gOBJ lags behind the echo ([SDK] gripper.cpp waits for it).
+    gOBJ follows a request later than the echo of the request does ([SDK] gripper.cpp waits for it).
 
     Raises:
         UsageError: the readings of the model are not counts.
@@ -115,7 +115,7 @@ class GripperModel(Fingers):
     def next_request(self, now_s: float) -> None:
         """Counts one more request, and notes whether it ends a silence longer than `SILENCE_S`.
 
-        Reads within `CYCLE_S` of this request still report such a silence as a fault.
+        Reads within `CYCLE_S` after such a request still report the silence as a fault.
         """
         super().next_request(now_s)
         # The register reports the silence until the next refresh, so the first answer does too.
@@ -228,7 +228,7 @@ class GripperRegisters:
     Args:
         device: the gripper.
         now: simulated seconds.
-        wiring: the kind of link.
+        wiring: addresses of the blocks on one kind of link.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ from runtime.table import PROFILES
 
 
 class Surroundings:
-    """What the fingers may meet; a subclass reacts to their motions. By default there is nothing."""
+    """What the fingers may meet, by default nothing; a subclass reacts to the motions of the fingers."""
 
     def closing(self) -> float | None:
         """Called when the jaws start to close; returns where they will meet something.
@@ -32,7 +32,7 @@ class Surroundings:
 class Stroke(NamedTuple):
     """A motion of the fingers at constant speed, in steps and seconds.
 
-    `rate` is signed; `outcome` is the object state at the end of the motion.
+    `rate` is the speed with its sign; `outcome` is the object state at the end of the motion.
     """
 
     start: float
@@ -70,7 +70,7 @@ class ObjectFlag(NamedTuple):
 
 
 class Fingers(ABC):
-    """Fingers that move, meet something, hold and release it. Times never go back.
+    """Fingers that move, and that meet, hold and release something. Times never go back.
 
     Positions are in the device's steps, which grow (`CLOSING` = 1) or fall (-1) as the fingers close. Each
     request that the device receives counts as one event of the fault schedule. The fingers start open.
@@ -114,7 +114,7 @@ class Fingers(ABC):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Initialises the attributes of a make's model, before the simulated device is powered."""
+        """Initialises the attributes that a make's subclass adds, before the simulated device is powered."""
 
     def _met_at(self, width_mm: float) -> float:
         """The position at which an object of this width stops the fingers."""
@@ -127,11 +127,11 @@ class Fingers(ABC):
 
     @abstractmethod
     def _arrived(self) -> None:
-        """Called when a stroke has ended; the model of a make then continues its current procedure."""
+        """Called when a stroke has ended; a make's subclass then continues its current procedure."""
 
     @abstractmethod
     def _dropped(self) -> None:
-        """Called when the held part has slipped out; the model of a make then closes the fingers further."""
+        """Called when the held part has slipped out; a make's subclass then closes the fingers further."""
 
     @abstractmethod
     def _forget(self) -> None:
@@ -149,7 +149,7 @@ class Fingers(ABC):
         self._now = max(self._now, now_s)
 
     def next_change(self) -> float:
-        """Time at which the readings will next change, apart from a moving width; infinity: never."""
+        """Time at which the readings will next change, apart from a moving width; infinity: they will not."""
         states = self._flag.moving_s, self._flag.outcome_s
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
@@ -170,7 +170,7 @@ class Fingers(ABC):
     # -- faults -----------------------------------------------------------------------------------
 
     def next_request(self, now_s: float) -> None:
-        """Counts one more request; the faults that begin with it take effect before it is executed."""
+        """Counts one more request; faults that begin with the request take effect before it is executed."""
         self._desk.next(Channel.GRIPPER)
         for fault in self._desk.beginning(Channel.GRIPPER):
             if fault.kind == "power_cycle":
@@ -182,11 +182,14 @@ class Fingers(ABC):
         self._faults = self._desk.holding(Channel.GRIPPER)
 
     def _report(self, code: int, now_s: float) -> None:
-        """Starts the fault of this make that corresponds to a gFLT code; by default there is none."""
+        """Starts what corresponds in this make to a Robotiq fault, given by its gFLT code.
+
+        By default, nothing corresponds to it.
+        """
         del code, now_s
 
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
-        """Returns the position that the device reports for a true one: changed by the current faults, if any.
+        """Returns the position that the device reports instead of a true one, as the current faults say.
 
         Positions are from 0 to `most`; the values of the faults are in 255ths of `most`.
         """

@@ -1,4 +1,4 @@
-"""RAPID for SERVER.mod: string functions, single-precision numbers, the message parser."""
+"""Functions of RAPID that SERVER.mod uses: strings, single-precision numbers, the message parser."""
 
 import math
 import re
@@ -11,11 +11,11 @@ _VALUE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 
 
 class RapidError(Exception):
-    """A RAPID runtime error that the server's error handler catches."""
+    """A RAPID runtime error, which the server's error handler catches."""
 
 
 def to_value(text: str) -> float | None:
-    """StrToVal for a num: single precision, or None where RAPID answers FALSE."""
+    """Parses a number in single precision, as RAPID's StrToVal does; None if the text is no number."""
     if not _VALUE.fullmatch(text):
         return None
     try:
@@ -25,26 +25,29 @@ def to_value(text: str) -> float | None:
 
 
 def to_string(value: float, decimals: int) -> str:
-    """NumToStr: rounded half away from zero, to `decimals` decimals."""
+    """Formats a number with `decimals` decimals, rounded half away from zero, as RAPID's NumToStr does."""
     scaled = math.floor(abs(value) * 10.0**decimals + 0.5)
     text = f"{scaled / 10.0**decimals:.{decimals}f}"
     return f"-{text}" if value < 0 and scaled else text
 
 
 def pose_string(pose: Pose, decimals: int) -> str:
-    """The seven numbers of a robtarget: mm with `decimals` decimals, the quaternion with three."""
+    """Formats a pose as seven numbers: mm with `decimals` decimals, the quaternion with three."""
     shift = (to_string(mm, decimals) for mm in pose[:3])
     return " ".join((*shift, *(to_string(part, 3) for part in pose.rotation)))
 
 
 def match(text: str, position: int, pattern: str) -> int:
-    """StrMatch: 1-based index of `pattern` from `position` on; one past the end if there is none."""
+    """Searches for `pattern` from `position` on, as RAPID's StrMatch does; returns its 1-based index.
+
+    Without a match, the index is one past the end.
+    """
     result = text.find(pattern, position - 1)
     return result + 1 if result >= 0 else len(text) + 1
 
 
 class Message:
-    """The parser's state, which persists between messages: SERVER.mod's globals."""
+    """The last message as parsed; values persist between messages, like SERVER.mod's global variables."""
 
     def __init__(self) -> None:
         self.code = 0.0  # instructionCode, kept when a head is malformed
@@ -53,7 +56,7 @@ class Message:
         self.count = 0  # nParams; -1 for a malformed message
 
     def parse(self, text: str) -> None:
-        """Parses one received string (PROC ParseMsg); raises RapidError for too many parameters."""
+        """Parses one received string (PROC ParseMsg); raises RapidError if it has too many parameters."""
         end = match(text, 1, "#")
         after = match(text, 1, " ") + 1
         code = to_value(text[: after - 2])

@@ -1,7 +1,7 @@
 """A SCHUNK EGU or EGK with Modbus RTU as a state machine over simulated time; no I/O, no clock.
 
-Behaviour by the sources of `drivers.schunk.registers`. Where they are unclear, the device behaves
-adversely, so that a driver relies on no assumption: a contact while positioning is an error, an outcome shows
+It behaves as the sources of `drivers.schunk.registers` say. Where they are unclear, it behaves adversely, so
+that a driver that relies on an assumption fails: a contact while positioning is an error, an outcome shows
 late, a grip cannot be changed while something is held.
 """
 
@@ -21,7 +21,7 @@ _BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()
 
 
 class Module(NamedTuple):
-    """Read-only parameters of one model, in addition to its profile."""
+    """Parameters of one model that are read-only and not in the model's profile."""
 
     module_type: int
     grip_mm_s: float  # velocity of a grip with 100 percent of the force
@@ -164,7 +164,7 @@ class SchunkModel(Fingers):
         return float(value)
 
     def next_request(self, now_s: float) -> None:
-        """Counts a request; a ready device fails if the silence before the request exceeded `silence_s`."""
+        """Counts a request; makes a ready device fail if the silence before exceeded `silence_s`."""
         super().next_request(now_s)
         lost_s = self._heard_s + self.silence_s
         if lost_s < now_s and self._status & Status.READY:
@@ -353,7 +353,7 @@ class SchunkRegisters:
         self._now = now
 
     def serves(self, address: int, count: int) -> bool:
-        """Whether the registers are exactly the registers of one parameter."""
+        """Whether the registers are exactly those of one parameter."""
         parameter = _BY_ADDRESS.get(address)
         return parameter is not None and parameter.registers == count
 
@@ -363,7 +363,10 @@ class SchunkRegisters:
         return self._device.read(_BY_ADDRESS[address].name, self._now())
 
     def write(self, address: int, data: bytes) -> bool:
-        """Writes a parameter; returns whether that is allowed."""
+        """Writes a parameter; returns False, and writes nothing, if it is read-only.
+
+        It also returns False if the registers are not exactly those of one parameter.
+        """
         if not self.serves(address, len(data) // 2):
             return False
         parameter = _BY_ADDRESS[address]

@@ -1,8 +1,9 @@
 """A simulated UR controller: its state, and the execution of programs.
 
-The arm's mechanics are those of the simulated ABB arm. A program is a list of `set_tcp`, `movel`, `stopl`
-and `write_output_integer_register`; a program with any other statement is ignored, like a syntax error. A
-new program replaces the running one and stops the arm at once, or brakes it if it begins with `stopl`.
+It moves the simulated ABB arm. A program is a list of `set_tcp`, `movel`, `stopl` and
+`write_output_integer_register`; a program with any other statement is ignored, as a real controller ignores
+one with a syntax error. A new program replaces the running one, and stops the arm at once, or brakes it if
+the program begins with `stopl`.
 """
 
 import math
@@ -28,7 +29,7 @@ class UrModel:
     Args:
         arm: mechanics of the arm; only this controller moves it.
         base: the arm's base frame in the world, which programs use.
-        executed: called at every `advance` to a moment at which no motion is under way.
+        executed: called by each `advance` to a time at which no motion is under way.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class UrModel:
         self._ends_s = at_s
 
     def advance(self, now_s: float) -> None:
-        """Advances time to `now_s`, with the register writes that are due."""
+        """Advances time to `now_s`, and executes the register writes that are due."""
         while self._events and self._events[0][0] <= now_s:
             _, register, value = self._events.pop(0)
             self.registers[register] = value
@@ -71,7 +72,7 @@ class UrModel:
             self._executed()
 
     def fields(self, now_s: float) -> Fields:
-        """All available output fields at a time: by name, the type and the values."""
+        """All available output fields at a time, by name: the type and the values of each."""
         self.advance(now_s)
         pose, (*speed, turning) = self._tcp_at(now_s), self._speeds_at(now_s)
         runs = now_s < self._ends_s
@@ -108,7 +109,7 @@ class UrModel:
         self._ends_s = self._motion_ends_s = now_s
 
     def _run(self, name: str, words: str, at_s: float) -> float:
-        """Executes one statement; returns when the next one may start."""
+        """Executes one statement; returns the time at which the next statement may start."""
         if name == "set_tcp":
             self._tool = _pose(words)
         elif name == "write_output_integer_register":
@@ -133,8 +134,8 @@ class UrModel:
     def _speed(self, words: str, at_s: float) -> tuple[float, float]:
         """Speeds of path and turn that a `movel` asks for, mm/s and deg/s.
 
-        They follow from its duration `t`; without one, its speed `v` applies to the path, and the turn has no
-        limit.
+        They follow from the statement's duration `t`, if it has one. Otherwise its speed `v` applies to the
+        path, and the turn has no limit.
         """
         pacing = dict(re.findall(r"\b([avt])=([\d.]+)", words))
         if "t" not in pacing:

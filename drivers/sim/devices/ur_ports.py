@@ -34,7 +34,7 @@ def served(model: UrModel, site: Site) -> tuple[int, "RtdePort"]:
 
 
 class RtdePort:
-    """RTDE version 2, outputs only: inputs are refused. The port sends nothing while `mute` is set."""
+    """Port that serves RTDE version 2: sends outputs, refuses inputs, and is silent while `mute` is set."""
 
     def __init__(self, model: UrModel, site: Site, port: int, host: str = HOST) -> None:
         self.mute = False

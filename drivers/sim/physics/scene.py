@@ -1,6 +1,6 @@
 """The setting of a simulated cell: part and world.
 
-Drivers do not depend on the planner, which may be missing: its job reader is imported when a job is read.
+The planner may be missing, since drivers do not depend on it: its job reader is imported when a job is read.
 """
 
 import math
@@ -49,15 +49,18 @@ class Geometry(NamedTuple):
 
     @property
     def reach_mm(self) -> float:
-        """Greatest hand height at which open fingers meet the part: `height_mm`, else `closing_mm`."""
+        """Greatest hand height at which open fingers meet the part.
+
+        It is the height of the part or, if that is unknown, `closing_mm`.
+        """
         return self.closing_mm if self.height_mm is None else self.height_mm
 
     @property
     def closing_mm(self) -> float:
         """Greatest hand height at which closing fingers meet the part: half way from squeeze to retreat.
 
-        This height is above the part: a hand whose tips move on an arc rises as they close, but simulated
-        tips move straight.
+        This height is above the part. If the real tips move on an arc, the hand rises as they close; the
+        simulated tips move straight, and still have to meet the part.
         """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 

@@ -1,8 +1,8 @@
-"""The scene's line protocol, both ends: stand-in for the feeder, and ground truth.
+"""The line protocol of a simulated cell's scene, for client and server.
 
-One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> the fields of
-`drivers.ports.Truth` (pose null where the world has none); `{"do":"quit"}` ends the cell. A real cell has no
-scene.
+The scene stands in for the feeder, and knows the ground truth; a real cell has none. Requests and answers are
+JSON objects, one a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> the fields of
+`drivers.ports.Truth` (null for the pose if the world has none); `{"do":"quit"}` ends the cell.
 """
 
 import json
@@ -52,7 +52,7 @@ class Feeder:
 
 
 class Scene(Feeder):
-    """Client of a simulated cell's scene; raises PortError where the connection is refused."""
+    """Client of a simulated cell's scene; raises a PortError if the connection is refused."""
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(self._sent)
@@ -94,7 +94,10 @@ class Scene(Feeder):
 
 
 def open_port(answer: Callable[[str], Mapping[str, object]], site: Site) -> int:
-    """Opens a TCP port that answers scene requests; a request to quit stops the site. Returns its number."""
+    """Opens a TCP port that answers scene requests; returns the number of the port.
+
+    A request to quit stops the site.
+    """
 
     def answered(line: bytes) -> bytes:
         said = _reply(line, answer)

@@ -47,7 +47,7 @@ class TableTop:
     def next_part(self) -> int:
         """Puts the next part on the table, and returns its number.
 
-        The pose depends only on seed and number.
+        The pose of the part depends only on the seed and this number.
         """
         self.part += 1
         self.squeezes = self.crashes = self.drops = 0
@@ -85,7 +85,10 @@ class TableTop:
         return width_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
-        """Completes the squeeze: puts the part at the world's final pose, held if the fingers met it."""
+        """Completes the squeeze: moves the part to the final pose that the world has computed.
+
+        If the fingers met the part, they hold it from now on.
+        """
         self.pose, self.status = self._coming
         self._held = None if self._hand is None else relative(self._hand, self.pose)
         self.squeezes += 1
@@ -97,10 +100,10 @@ class TableTop:
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """Moves the held part, if any, with the hand to a grasp pose.
+        """Moves the part, if it is held, with the hand to a grasp pose.
 
         Returns:
-            False if the lifted part has slipped out instead, else True.
+            False if the part was lifted and has slipped out instead, else True.
         """
         if self._held is None:
             return True
@@ -111,7 +114,7 @@ class TableTop:
         return True
 
     def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
-        """Pushes the part if the hand went straight ahead, along its x, on the table with empty jaws.
+        """Pushes the part if the hand moved straight along its own x on the table, with empty jaws.
 
         The part stays after any other motion, and in a world that cannot push.
 
@@ -174,7 +177,7 @@ class TableTop:
 
 
 class Vice(TableTop):
-    """A table without parts, to which the setting's block is fixed."""
+    """A table without parts; the block of the setting is fixed to it."""
 
     def squeeze(self, hand: Pose2) -> float | None:
         """Counts a squeeze; returns the reading at which the first finger to touch the block stops both.

@@ -1,1 +1,1 @@
-"""A simulated cell in one thread on a virtual clock."""
+"""A simulated cell in one thread, on a clock that advances only when somebody waits."""

@@ -1,4 +1,4 @@
-"""The whole cell in one thread on a virtual clock: real protocols, but ports in memory and no waiting.
+"""The whole cell in one thread on a virtual clock: the real protocols, over ports in memory.
 
 Time advances only when somebody waits. The same seed gives the same run, byte for byte.
 """
@@ -25,7 +25,7 @@ class VirtualCell:
         setting: part and world.
         seed: seed of every draw.
         faults: schedule of faults; None: no faults.
-        overheard: receives each string for the arm's controller.
+        overheard: called with each string that the arm's controller receives; None: nobody listens.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ class VirtualClock(Clock):
 
     @property
     def next_s(self) -> float:
-        """The moment of the next event; infinity without one."""
+        """The moment of the next scheduled call; infinity if there is none."""
         return self._coming[0][0] if self._coming else math.inf
 
     def now(self) -> float:
@@ -39,11 +39,11 @@ class VirtualClock(Clock):
         return (EPOCH + timedelta(seconds=self._now)).isoformat(timespec="milliseconds")
 
     def sleep(self, seconds: float) -> None:
-        """Advances time by `seconds`, and runs the events that are due."""
+        """Advances time by `seconds`, and makes the scheduled calls that are due."""
         self.advance(self._now + max(seconds, 0.0))
 
     def advance(self, moment: float) -> None:
-        """Advances time to a moment, and runs the events that are due."""
+        """Advances time to a moment, and makes the scheduled calls that are due."""
         while self._coming and self._coming[0][0] <= moment:
             due, _, happens = heapq.heappop(self._coming)
             self._now = max(self._now, due)
@@ -51,7 +51,10 @@ class VirtualClock(Clock):
         self._now = max(self._now, moment)
 
     def idle(self, seconds: float, until: float) -> None:
-        """Advances to the next change of a watched device, at least by `seconds`, never beyond `until`."""
+        """Advances to the next change of a watched device, or by `seconds` if that is later.
+
+        The time never goes beyond `until`.
+        """
         change = min((watch() for watch in self._watched), default=math.inf) + AFTER_S
         self.advance(min(max(self._now + seconds, change), until))
 
@@ -72,5 +75,5 @@ class VirtualClock(Clock):
         return lambda: ended.append(True)
 
     def watch(self, next_change: Callable[[], float]) -> None:
-        """Adds a device whose changes `idle` waits for; `next_change` returns the time of the next one."""
+        """Adds a device for whose changes `idle` waits; `next_change` returns the time of its next change."""
         self._watched.append(next_change)

@@ -32,7 +32,7 @@ class VirtualPort:
         self._gone: OSError | None = None
 
     def receive(self, seconds: float) -> bytes:
-        """Advances time by at most `seconds` until data arrives, and returns it; empty if there is none."""
+        """Advances time by at most `seconds` until data arrives; returns the data, empty if none arrived."""
         until = self._clock.now() + max(seconds, 0.0)
         while not self._arrived:
             self._check()

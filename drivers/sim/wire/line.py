@@ -57,7 +57,7 @@ class Line:
 
         Args:
             frame: the request.
-            reply: the answer of the gripper; None: it is silent.
+            reply: the answer of the gripper; None: the gripper does not answer.
         """
         faults = {fault.kind: fault for fault in self.desk.holding(Channel.LINE)}
         pieces = [Piece(frame)] if "echo" in faults else []

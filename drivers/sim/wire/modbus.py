@@ -1,6 +1,6 @@
 """Modbus slave: answers the requests that a gripper knows. Pure functions on bytes.
 
-A gripper never sends exception frames: unsupported requests get no answer ([M16] p55, [ME] p53).
+A gripper never sends exception frames: it does not answer unsupported requests ([M16] p55, [ME] p53).
 """
 
 from functools import lru_cache
@@ -12,7 +12,7 @@ MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 
 
 class Registers(Protocol):
-    """The registers of a slave."""
+    """What a Modbus slave provides: registers, and the functions that access them."""
 
     functions: frozenset[int]  # codes of the functions that it supports
 
@@ -23,7 +23,7 @@ class Registers(Protocol):
         """Reads `count` registers."""
 
     def write(self, address: int, data: bytes) -> bool:
-        """Writes registers; returns False where that is refused."""
+        """Writes registers; returns False if the slave refuses that."""
 
 
 def answer(pdu: bytes, registers: Registers) -> bytes | None:

@@ -1,4 +1,4 @@
-"""Slaves with RTU or Modbus TCP frames, and their ports: silence where the real device is silent."""
+"""Slaves with RTU or Modbus TCP frames, and their ports; they are silent where the real device is."""
 
 import asyncio
 import contextlib
@@ -54,7 +54,7 @@ class Slave:
         return pieces
 
     def silence(self) -> None:
-        """Drops an incomplete frame after a silence on the line: the next byte starts a new frame."""
+        """Drops an incomplete frame, since the line has been silent: the next byte starts a new frame."""
         self._buffer.clear()
 
     @property
@@ -63,7 +63,7 @@ class Slave:
         return self.gap_s if self._buffer else None
 
     def reply(self, frame: bytes) -> bytes | None:
-        """The answer to one frame, or None for silence."""
+        """Returns the answer to one frame, or None for silence."""
         raise NotImplementedError
 
     def _frame_length(self) -> int:
@@ -75,7 +75,7 @@ class RtuSlave(Slave):
     """A slave with RTU framing: unit, PDU and CRC."""
 
     def reply(self, frame: bytes) -> bytes | None:
-        """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""
+        """Returns the answer, or None for silence: wrong id, bad CRC, unknown function or address."""
         if len(frame) < 4 or frame[0] != self.unit or crc16(frame[:-2]) != frame[-2:]:
             return None
         pdu = answer(frame[1:-2], self._registers)
@@ -115,7 +115,7 @@ async def exchange(
     site: Site,
     byte_s: float = NETWORK_BYTE_S,
 ) -> None:
-    """Serves one client of a device until it leaves.
+    """Serves one client of a device until the client leaves.
 
     Args:
         slave: the device.
@@ -125,7 +125,7 @@ async def exchange(
         byte_s: duration of a byte, simulated seconds.
 
     Raises:
-        OSError: the connection broke, or the fault schedule has unplugged it.
+        OSError: the connection broke, or the fault schedule has unplugged the line.
     """
     outbox = Outbox(byte_s, site.at, write)
     while True:
@@ -142,7 +142,7 @@ async def exchange(
 
 
 def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None) -> int:
-    """Opens a TCP port that serves one client after the other; returns its number.
+    """Opens a TCP port that serves one client after the other; returns the number of the port.
 
     Args:
         slave: the device.
@@ -165,7 +165,7 @@ def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None)
 
 
 def open_pty(slave: RtuSlave, site: Site) -> str:
-    """Opens a pseudo-terminal that serves a slave until the line is unplugged; returns its path for a master.
+    """Opens a pseudo-terminal that serves a slave until the line is unplugged; returns the path for clients.
 
     Args:
         slave: the device.

@@ -1,4 +1,4 @@
-"""Where simulated devices are served: simulated time, and an event loop in a thread."""
+"""Serves simulated devices: simulated time, and an event loop in a thread."""
 
 import asyncio
 import selectors
@@ -17,7 +17,7 @@ Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, An
 
 
 class Site:
-    """Simulated time, and an event loop in a thread that makes all calls to the devices, one after the other.
+    """Simulated time, and an event loop in a thread, which makes all calls to devices one after the other.
 
     Args:
         scale: simulated seconds per wall second.
@@ -65,7 +65,7 @@ class Site:
         self._loop.call_at(self._start + moment / self._scale, happens)
 
     def call(self, function: Callable[..., Result], *arguments: object) -> Result:
-        """Makes a call to a device from another thread, and returns its result."""
+        """Calls a function on the event loop, from another thread; returns the result of the function."""
 
         async def called() -> Result:
             return function(*arguments)
@@ -100,7 +100,7 @@ class Site:
         return number
 
     def answer_lines(self, answer: Callable[[bytes], bytes], most_bytes: int) -> int:
-        """Opens a TCP port that answers each line; returns its number."""
+        """Opens a TCP port that sends `answer(line)` for each line; returns the number of the port."""
 
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             while True:
@@ -110,7 +110,7 @@ class Site:
         return self.listen(serve, most_bytes=most_bytes)
 
     def shut(self, port: int) -> None:
-        """Accepts no further client at a port; only to be called on the event loop."""
+        """Closes a port to further clients; only to be called on the event loop."""
         self._servers.pop(port).close()
 
     def begin(self, work: Work) -> asyncio.Task[None]:
@@ -141,7 +141,7 @@ class Site:
 
 
 class LibraryServer:
-    """A server of the standard library, which serves in a thread until it is closed."""
+    """Runs a server of the standard library in a thread, until it is closed."""
 
     def __init__(self, server: socketserver.TCPServer) -> None:
         self._server = server
