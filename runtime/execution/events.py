@@ -10,7 +10,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Phase(Enum):
-    """Phase of the cell; the value is its name in the status."""
+    """What the cell is doing; the value is the name that the cell's status shows."""
 
     IDLE = "idle"
     RESUME = "resume"  # freeing the hand after a run that broke off
@@ -75,15 +75,19 @@ class Tally:
         return {"parts": self.parts, "outcomes": counts, **times}
 
     def times(self) -> dict[str, float]:
-        """Statistics of the parts' times, see `runtime.table.takt`; empty before the first part.
+        """Statistics of the parts' times, by the names of `runtime.table.takt`; empty before the first part.
 
-        Also empty unless `timed`: the clock of a cell faster than real time multiplies computing time.
+        They are also empty if `timed` is False: in a cell faster than real time, the clock multiplies the
+        seconds that this machine computes, so that a part's time means nothing.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
 
 class Console:
-    """Observer of run events, called in order. Implementations must not raise and may override any subset."""
+    """Observer of a run: its methods are called in the order of the events.
+
+    A subclass overrides the methods that it needs, which must not raise.
+    """
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
         """Receives a change of phase; `node` is the index of the node, None where there is none."""
