@@ -22,7 +22,7 @@ def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
 
 
 def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
-    """True minus predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
+    """True pose minus predicted pose, mm, mm, rad; the angle is the smallest that the symmetry allows."""
     turn = remainder(true[2] - predicted[2], tau / goal.symmetry)
     return true[0] - predicted[0], true[1] - predicted[1], turn
 
@@ -49,7 +49,7 @@ def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def threshold(goal: GoalSpec) -> float:
-    """The limit that `distance` must stay below: the goal's distance in mm for "pose" and "modes", else 1."""
+    """The limit below which `distance` meets the goal: its distance, mm, for "pose" and "modes", else 1."""
     return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
 
 
