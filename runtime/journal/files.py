@@ -1,9 +1,9 @@
-"""Files of a journal: the one being written, its sealed segments, and the files of a half-done rotation.
+"""Files of a journal: the file being written, the sealed segments, and the rotation from one to the next.
 
 Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest
-records. A rotation writes the new segment as `J.next`, renames `J`, then renames `J.next`: at any moment
-the latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run
-whose journal was moved or truncated during the run.
+records. A rotation writes the new file as `J.next`, renames `J` to the next segment, then renames `J.next`
+to `J`. So at any moment the latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps
+the records of a run whose journal was moved or truncated during the run.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ MOST_SEAL_BYTES = 4096
 
 
 def next_of(path: Path) -> Path:
-    """Path of the new file, `J.next`, that a rotation writes before it takes the place of the journal `J`."""
+    """Path of `J.next`, the new file that a rotation writes and then renames to the journal `J`."""
     return path.with_name(f"{path.name}.next")
 
 
@@ -161,7 +161,7 @@ def _check_regular(path: Path, mode: int) -> None:
 
 
 def displacement(path: Path, file: int, size: int) -> str:
-    """What happened to an open file, as text for a message; "" if it is still at `path` with `size` bytes."""
+    """States what happened to an open file; "" if it is still at `path` and has `size` bytes."""
     opened = os.fstat(file)
     try:
         there = path.lstat()
@@ -198,10 +198,10 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
 
 
 def rotate(path: Path, file: int, number: int, line: bytes) -> int:
-    """Seals a journal's own file as the segment `number`, and starts the next one with a line.
+    """Renames a journal's own file to the segment `number`, and starts a new file with a line.
 
     Returns:
-        The new file's descriptor, locked; the old one stays open.
+        The new file's descriptor, locked; the descriptor of the old file stays open.
 
     Raises:
         OSError: a file cannot be written. The next opening of the journal completes a half-done rotation.
@@ -223,6 +223,6 @@ def rotate(path: Path, file: int, number: int, line: bytes) -> int:
 
 
 def write_all(file: int, data: bytes) -> None:
-    """Writes all of the data, in as many pieces as needed."""
+    """Writes all of the data to a descriptor, which may take several calls."""
     while data:
         data = data[os.write(file, data) :]

@@ -42,7 +42,7 @@ class Step(NamedTuple):
     reason: str | None  # why the reading was rejected, or None
 
     def fields(self) -> dict[str, object]:
-        """The step as fields of a journal record: with place and opening instead of the squeeze."""
+        """The step as fields of a journal record; of the squeeze only place and opening are included."""
         fields = self._asdict()
         squeeze = fields.pop("squeeze")
         names = ("x_um", "y_um", "angle_urad", "opening_um")
