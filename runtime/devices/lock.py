@@ -91,7 +91,7 @@ def _owner(address: str) -> str:
 
 
 def _devices(port: str) -> list[str]:
-    """Identities of the device at a port: all addresses of a host, or the numbers of a tty."""
+    """Identities of the device at a port: a host's addresses and ports, or the number of a device file."""
     port = port.removeprefix(f"{MANUAL}+")
     if port.partition(":")[0] == MANUAL:
         return []

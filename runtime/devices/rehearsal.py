@@ -34,8 +34,8 @@ class Rehearsal:
     """Simulates squeezes: draws a branch of the node by its probability, and a width within the branch.
 
     The part never moves. A squeeze at the same place as the last one (a re-squeeze, or a later stroke of a
-    regulated squeeze) ends at the same width. A squeeze at a place that is no child node of the last one
-    begins a new part at the root.
+    regulated squeeze) ends at the same width. A squeeze at the place of a child of the last node goes on with
+    the part; at any other place, it begins a new part at the root.
     """
 
     def __init__(self, table: Table, seed: int) -> None:

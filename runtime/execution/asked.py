@@ -144,7 +144,7 @@ class AskedParts:
             return str(refusal)
 
     def give_up(self, outcome: Outcome, reason: str) -> bool:
-        """Ends the current part without a pose; returns whether there was a part."""
+        """Ends the part under way, if there is one, without a pose; returns whether there was one."""
         if self._part is None:
             return False
         self._end(PartResult.of(self._part.number, outcome, self._part.steps, reason))
@@ -224,7 +224,7 @@ class AskedParts:
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
-        """Infers the object state (felt or not felt) from a width alone: the state with a branch for it.
+        """Infers from a width alone whether an object was felt: the state in which a branch has the width.
 
         If both states lead to the same decision, a width of at least `HELD_UM` counts as a felt object. If
         they lead to two different branches, the jaws count as empty.
@@ -274,12 +274,12 @@ class AskedParts:
     # -- what follows ---------------------------------------------------------------------------------
 
     def _go_on(self, part: _Part) -> str:
-        """Takes the program's next request after a release; returns the line for the robot that states it."""
+        """Goes on to the program's next request after a release; returns the answer that states it."""
         part.request = next(part.requests)
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """Journals the part's next squeeze, or its end; returns the line for the robot that states it."""
+        """Journals the current request, a squeeze or the part's end; returns the answer that states it."""
         request = part.request
         if isinstance(request, program.Done):
             self._end(request.result)

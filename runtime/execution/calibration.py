@@ -57,7 +57,7 @@ class GripperCalibration:
     middle: Middle | None = None  # where the fingers meet, if measured
 
     def of(self, profile: GripperProfile) -> Calibration:
-        """The calibration in the form that maps readings: from nominal to true widths."""
+        """Builds the map from nominal to true widths, for a gripper with this profile."""
         return Calibration(profile, self.points_um)
 
 
@@ -144,7 +144,10 @@ def fit(
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block the error, mm, of a curve through the other blocks; without the two outermost blocks."""
+    """How well the blocks agree: for each block, the error, mm, of a curve through the other blocks.
+
+    The narrowest and the widest block are left out.
+    """
     gauges = calibration.gauges
     return [
         curve([*gauges[:k], *gauges[k + 1 :]])(gauges[k].mean) - gauges[k].width_mm
@@ -167,7 +170,7 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 class CalibrationFile(NamedTuple):
-    """A calibration, and the bytes of its file, for a signature."""
+    """A calibration, and the bytes of its file, which a signature may cover."""
 
     calibration: GripperCalibration
     data: bytes

@@ -39,7 +39,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class Tally:
-    """Running totals over a run's parts: outcomes, squeezes, times, crashes; no single results."""
+    """Running totals over the parts of a run: outcomes, squeezes, times, and fingers placed onto a part."""
 
     takt_s: float | None = None  # the time within which parts should be done
     # whether the clock counts seconds of the cell; False for a clock faster than real time
@@ -69,7 +69,7 @@ class Tally:
             self.within = (self.within or 0) + (seen.within is True)
 
     def fields(self) -> dict[str, object]:
-        """The sums, as fields of a journal record."""
+        """Numbers of parts and outcomes, and the times' statistics, as fields of a journal record."""
         counts = {each.value: self.outcomes[each] for each in Outcome if self.outcomes[each]}
         times = {name: round(value, 4) for name, value in self.times().items()}
         return {"parts": self.parts, "outcomes": counts, **times}

@@ -165,9 +165,15 @@ class Executor:
     def _squeeze(
         self, part: int, requests: program.Requests, approach: program.Approach
     ) -> program.Release:
-        """Performs one squeeze, which begins and ends above the part; returns its `Release` request.
+        """Performs one squeeze, from above the part until the hand is above it again.
 
-        `requests` is the part's program, and `approach` the program's current request.
+        Args:
+            part: number of the part.
+            requests: the part's program.
+            approach: the program's current request.
+
+        Returns:
+            The program's request to release the part, which has been performed, too.
         """
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:

@@ -76,14 +76,15 @@ def measure(
 ) -> Middle:
     """Grips a fixed block at several offsets, with the hand at two angles half a turn apart.
 
-    Returns the measured middle, the result of `fit`.
-
     Args:
         hand: retreated, with nothing between the fingers, and without a measured middle.
         node: the result of `gripping`.
         block_mm: the block's width.
         at: the block's centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
         tell: receives a message for each angle of the hand.
+
+    Returns:
+        The measured place where the fingers meet.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.

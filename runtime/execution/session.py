@@ -1,4 +1,4 @@
-"""Runs many parts: feeds and executes each, compares it with the truth if known, and sums up."""
+"""Runs parts one after another: locates each, compares it with its true pose if known, and sums up."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -86,7 +86,7 @@ def run_parts(
     """Prepares the gripper, and runs parts until they are done or one ends the run.
 
     Args:
-        numbers: the numbers of the parts; each is requested once the part before has its outcome.
+        numbers: the numbers of the parts; the next number is drawn once the part before has its outcome.
         table: the table to execute.
         cell: devices and records.
         console: receives the events.

@@ -1,4 +1,4 @@
-"""The arc of the finger tips: their advance as the jaws close, and stages that keep them level.
+"""The arc of the finger tips: how far they advance as the jaws close, and stages that keep them level.
 
 The finger links of a 2F gripper are parallelograms: with link length L and offset c, at an opening w the tips
 stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85).
@@ -22,7 +22,7 @@ class TipArc:
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
-        """The largest `advance_mm` at any opening between two; the tips advance most at twice the offset."""
+        """The largest `advance_mm` at any opening between the two; it is greatest at twice the offset."""
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:

@@ -247,7 +247,7 @@ class Journal:
             self._full_bytes = len(line) + self._segment_bytes
 
     def _take_back(self) -> None:
-        """Removes the remains of a record whose write failed or was interrupted from the file's end."""
+        """Truncates the file to its complete records, after a write that failed or was interrupted."""
         with contextlib.suppress(OSError):
             if os.fstat(self._file).st_size > self._end.size:
                 os.ftruncate(self._file, self._end.size)
@@ -268,7 +268,8 @@ class Journal:
 class Incidents:
     """Collects the retries and failures of the drivers' links until there is a journal to write them to.
 
-    Such incidents may occur before the journal is begun: a run that is refused leaves no journal.
+    Such incidents may occur before the journal is begun: a run that is refused leaves no journal. Until then
+    the first `MOST_INCIDENTS` are kept.
     """
 
     def __init__(self) -> None:

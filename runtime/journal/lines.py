@@ -26,10 +26,10 @@ class Verified(NamedTuple):
 
     head: str = GENESIS  # digest of the last record, which the next one has to hold
     records: int = 0  # number of records
-    size: int = 0  # length of the records in the journal's own file, bytes
+    size: int = 0  # length of the records in the journal's current file, bytes
     runs: int = 0  # number of runs, each begun by a header
     closed: bool = True  # whether the last run wrote its last record
-    segments: int = 0  # number of sealed segments before the journal's own file
+    segments: int = 0  # number of sealed segments before the journal's current file
 
     def after(self, entry: Entry, length: int) -> "Verified":
         """The state after one more record, whose line has `length` bytes."""

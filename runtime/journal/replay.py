@@ -115,7 +115,7 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields a sentence if a record is of another part than the current one, or at another node."""
+        """Yields a sentence if a record names another part than the current one, and one for another node."""
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

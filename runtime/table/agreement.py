@@ -128,7 +128,7 @@ def _squeezes(table: Table, job: Section) -> Compared:
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
     """Yields an integer of the table and the job's number, multiplied by `scale`, to be compared.
 
-    Yields one triple of a name, the table's value and the job's value; nothing if the job lacks the number.
+    They come as one triple: name, table's value, job's value. Nothing is yielded if the job lacks the number.
     """
     wanted = number(stated, key)
     if wanted is not None:

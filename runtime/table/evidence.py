@@ -59,9 +59,10 @@ def successes_of(leaf: Leaf) -> int:
 def validate_figures(table: Table) -> None:
     """Checks that the figures of a table can come from one evaluation.
 
-    A leaf's success must be a whole number of trials. If half of a leaf's trials met the goal, their median
-    error must not exceed the goal's distance; likewise for other quantiles. The whole table must not have
-    more successes than its leaves, and its shares of success and REJECT must not exceed 1 together.
+    A leaf's success must be a whole number of trials. If more than half of a leaf's trials met the goal, the
+    median of the leaf's errors must not exceed the goal's distance; likewise for the 95th percentile. The
+    whole table must not have more successes than its leaves have together, and its shares of success and
+    REJECT must not exceed 1 together.
 
     Raises:
         TableError: a figure contradicts the others; the message names the figure or its leaf.
@@ -93,7 +94,7 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Checks a table's figures: success and REJECT are 1 together at most, the mean squeezes fit the tree."""
+    """Checks that success and REJECT together are 1 at most, and that the tree allows the mean squeezes."""
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
     if predicted.success_ppm > most_ppm:

@@ -1,8 +1,8 @@
 """Profiles of known grippers, by the model that a job names; no other file has such presets.
 
-The values come from manuals, drivers and models; none was measured for this project. A calibration with gauge
-blocks (`grasp-calibrate width`) corrects widths, not speed and force. A driver of another make provides the
-profile of its gripper as an entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
+The values are published ones; none was measured for this project. A calibration with gauge blocks
+(`grasp-calibrate width`) corrects widths, not speed and force. A driver of another make provides the profile
+of its gripper as an entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
 """
 
 import re

@@ -106,7 +106,7 @@ class DecisionMap(NamedTuple):
     def either(self) -> Segments:
         """The branch by the width alone, without the object flag, for drawings.
 
-        Where the flag decides between two branches, it is the one with the higher index.
+        Where the flag decides between two branches, the one with the higher index is taken.
         """
         starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
         return _segments(starts, [max(part.at(start) for part in self) for start in starts])

@@ -128,7 +128,7 @@ class Branch(NamedTuple):
 
     @property
     def grip(self) -> bool:
-        """Whether the branch means that the jaws hold something; no reading of width 0 selects a grip."""
+        """Whether the branch means that the jaws hold something; if so, a width of 0 never selects it."""
         return self.low_um > 0 or self.expected_um >= HELD_UM
 
 
@@ -305,7 +305,7 @@ class Hypothesis(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of all motions by a table: depth, force, speeds, work area and heights."""
+    """Limits that apply to a whole table: number of squeezes, force, speeds, work area and heights."""
 
     max_depth: Annotated[int, Field("squeezes to any leaf", 1, MAX_DEPTH)]
     max_force_mn: Annotated[int, Field("closing force", 1)]

@@ -1,4 +1,4 @@
-"""Times of the squeezes of parts that come one after another, by the model in `timing`."""
+"""How long the squeezes of successive parts take, by the model in `timing`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from runtime.table.turning import may_turn
 
 
 class Squeezed(NamedTuple):
-    """One squeeze with its outcome."""
+    """One squeeze of a part: its node, the width at which the jaws stopped, and the branch selected."""
 
     node: int
     width_mm: float

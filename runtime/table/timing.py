@@ -226,7 +226,7 @@ class Timing:
         )
 
     def squeeze(self, visit: Visit) -> Phases:
-        """Computes how long the phases of one squeeze take, from travel above the part to travel above it."""
+        """Computes how long each phase of one squeeze takes; the last phase is the rise above the part."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
         way_mm = visit.way_mm
         if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):

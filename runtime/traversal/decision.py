@@ -72,8 +72,8 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 class Policy:
     """The actions that follow a reject or an unresolved leaf.
 
-    The first reject of a part takes the first action, the second reject the second, and so on. The last
-    action ends the part.
+    The first reject of a part takes the first action of `on_reject`, the second reject the second, and so on;
+    likewise unresolved leaves and `on_unresolved`. The last action ends the part.
     """
 
     # actions after a reading that no branch has

@@ -89,7 +89,9 @@ class Program:
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
     ) -> Requests:
-        """Yields the requests to the cell that locate one part; a reading is sent to it after each squeeze.
+        """Yields the requests to the cell that locate one part.
+
+        The caller performs each request, and sends a reading as the answer to `Approach` and `Tighten`.
 
         Args:
             number: number of the part.
