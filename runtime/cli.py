@@ -47,10 +47,14 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
 
 def guarded(built: command.Parser, argv: Sequence[str] | None, body: Body) -> int:
-    """Runs a command of the cell so that stop requests end it and slow readers do not delay it.
+    """Runs a command of the cell; returns its exit code.
 
-    Returns:
-        The exit code.
+    A stop request ends the command. A slow reader of the command's output does not delay it.
+
+    Args:
+        built: the command's parser.
+        argv: the command line; None: that of this process.
+        body: performs the command with the parsed arguments and the drivers.
     """
 
     def stoppable(arguments: argparse.Namespace) -> int:

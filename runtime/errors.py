@@ -13,7 +13,7 @@ class TableError(InputError):
 class JournalError(ExpectedError):
     """The journal cannot be written, was moved or truncated, or one of its lines does not verify.
 
-    `line` is the number of that line, from 1.
+    `line` is the number of the line that does not verify, from 1; None in the other cases.
     """
 
     exit_code = ExitCode.JOURNAL
@@ -25,7 +25,7 @@ class JournalError(ExpectedError):
 
 
 class TornError(JournalError):
-    """The last line of a journal is incomplete: a crash cut it short, before anything followed from it."""
+    """The last line of a journal is incomplete: a crash cut it short, before the cell acted on its record."""
 
 
 class BrokenRunError(ExpectedError):
@@ -43,6 +43,6 @@ class MotionRefusedError(DeviceError):
 
 
 class PackError(ExpectedError):
-    """A pack is refused, or no pack covers the software of a run."""
+    """A signed pack is refused, or no signed pack contains the table and the calibration of a run."""
 
     exit_code = ExitCode.SIGNATURE

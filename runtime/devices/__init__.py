@@ -1,1 +1,1 @@
-"""Devices of the executor: clock, locks, auditor, simulated cell."""
+"""What the executor uses besides gripper and arm: clock, locks of devices, auditor, simulated cell."""

@@ -1,16 +1,19 @@
-"""Runs the auditor, a program that judges each located part's pose, as a process that speaks JSON lines.
+"""Runs the auditor, a separate program that judges the pose of each located part.
+
+Question and answer are one JSON line each:
 
 ```
 -> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
 <- {"verdict": "pass", "residual_x_mm": 0.02, ...}
 ```
 
-Before a run, a question without a pose, `{"part": 0}`, tests the program: if it is missing, ends, or answers
-without a verdict, the run is refused. Every question holds `table_sha256`, the digest of the run's table; an
-auditor that judges by a table answers the first question with the digest of that table, and the run is
-refused where the two differ. During the run the auditor never stops the cell: if it fails, or does not answer
-within the deadline, the verdict is "unknown". With several hypotheses, the question also holds the
-`hypothesis` that the leaf names.
+Before a run, a question without a pose, `{"part": 0}`, tests the program: if the program ends, or answers
+without a verdict, the run is refused. Every question also states `table_sha256`, the digest of the run's
+table. An auditor that judges by a table states the digest of its table in the first answer; if the digests
+differ, the run is refused.
+
+During the run the auditor never stops the cell: if it fails, or does not answer within the deadline, the
+verdict is "unknown". With several hypotheses, the question also states the `hypothesis` that the leaf names.
 """
 
 import json
@@ -57,8 +60,8 @@ class AuditProcess(ChildProcess):
         """Asks for the verdict on a part at a pose (mm, mm, rad); `hypothesis` names one of several parts.
 
         Returns:
-            `verdict`, "unknown" where the auditor fails or its answer is invalid, and the other fields of the
-            answer that are plain numbers or short sentences.
+            The fields of the answer that are numbers or short texts. Its `verdict` is "pass", "fail" or,
+            where the auditor fails or its answer is invalid, "unknown".
         """
         asked = {"part": part, **dict(zip(("x_mm", "y_mm", "theta_rad"), pose, strict=True))}
         named = {} if hypothesis is None else {"hypothesis": hypothesis}
@@ -72,7 +75,7 @@ class AuditProcess(ChildProcess):
         return {**plain, "verdict": verdict if verdict in VERDICTS else UNKNOWN}
 
     def check(self) -> None:
-        """Asks a question without a pose, which any verdict answers.
+        """Tests the auditor before a run, with a question without a pose; any verdict is a valid answer.
 
         Raises:
             UsageError: the program has ended, does not answer, answers without a verdict, or judges by

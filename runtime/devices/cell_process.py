@@ -1,4 +1,4 @@
-"""Runs the simulated cell as a separate process, reads its endpoints, and ends it with this process."""
+"""Runs the simulated cell as a child process, which prints its addresses and ends with this process."""
 
 import json
 import os
@@ -25,9 +25,10 @@ class Endpoints(NamedTuple):
 
 
 class CellProcess(ChildProcess):
-    """A running `grasp-cell`. It reads a pipe from this process, and so ends even if this one is killed.
+    """A running simulated cell (`grasp-cell`); `endpoints` has the addresses of its devices.
 
-    The arguments are options of `grasp-cell`; the attribute `endpoints` has the addresses of its devices.
+    The arguments are options of `grasp-cell`. The child reads a pipe from this process, and ends when the
+    pipe is closed: it ends even if this process is killed.
 
     Raises:
         UnreachableError: the command cannot be started, has ended, or prints no endpoints.
@@ -73,7 +74,7 @@ class CellProcess(ChildProcess):
 
 
 def _environment() -> dict[str, str]:
-    """This process's environment, with a PYTHONPATH by which the child imports the same packages."""
+    """The environment for the child, with a PYTHONPATH by which it imports the same packages."""
     home = str(Path(__file__).resolve().parents[2])
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}

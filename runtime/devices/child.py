@@ -1,4 +1,4 @@
-"""A program run as a child process that communicates by lines and ends when its standard input does."""
+"""Runs a program as a child process that exchanges lines of text, and ends when its input is closed."""
 
 import contextlib
 import os
@@ -14,10 +14,10 @@ MAX_LINE_BYTES = 65_536
 
 
 class ChildProcess:
-    """A child with pipes for input and output, ended when its context is left.
+    """A child process with pipes for input and output, which is ended when its context is left.
 
-    It runs in a new session: Ctrl-C on the terminal reaches only the parent, which needs it for the safe
-    state.
+    The child runs in a new session, so that Ctrl-C on the terminal reaches only the parent: the parent must
+    bring the cell into the safe state while the child still runs.
 
     Raises:
         OSError: the program cannot be started.
@@ -62,11 +62,11 @@ class ChildProcess:
         self.close()
 
     def _tell(self, line: bytes, until: float) -> None:
-        """Sends a line, to which it adds the line end.
+        """Sends a line to the child; `line` is without line end.
 
         Raises:
-            TimeoutError: the child had not taken the whole line by `until`; the next call sends the rest
-                first.
+            TimeoutError: the child has not taken the whole line by the time `until`; the next call first
+                sends the rest.
         """
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:
@@ -79,7 +79,7 @@ class ChildProcess:
         """Waits for the child's next line, and returns it without the line end.
 
         Raises:
-            TimeoutError: no line came by `until`.
+            TimeoutError: no line came by the time `until`.
             EOFError: the child has ended, or sends an endless line.
         """
         pipe = self._output.fileno()

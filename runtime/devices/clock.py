@@ -23,7 +23,7 @@ def date(text: str) -> datetime:
 
 @dataclass(frozen=True, slots=True)
 class SystemClock:
-    """The machine's monotonic clock, for deadlines and pauses in seconds of the cell.
+    """The machine's clock, also for a simulated cell that runs faster than real time.
 
     A second of the machine is `time_scale` seconds of the cell.
     """
@@ -31,13 +31,13 @@ class SystemClock:
     time_scale: float = 1.0
 
     def now(self) -> float:
-        """Seconds since some fixed moment."""
+        """Present time in seconds of the machine, from an arbitrary fixed moment."""
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """Time on the clock of `now` by which a motion of `seconds` of the cell is over.
+        """The time, as `now` states it, by which a motion that lasts `seconds` of the cell must be over.
 
-        It includes `LINK_MARGIN_S` for the device's link, in seconds of the machine.
+        It includes `LINK_MARGIN_S`, seconds of the machine, for the link to the device.
         """
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
@@ -54,20 +54,21 @@ class SystemClock:
         return time.strftime("%Y-%m-%d %H:%M")
 
     def local_of(self, stamp: str) -> str:
-        """The value of `local` when `stamp` was taken."""
+        """Converts `stamp`, a date and time as records have it, to the form of `local`."""
         return time.strftime("%Y-%m-%d %H:%M", time.localtime(date(stamp).timestamp()))
 
     def shift(self, changes: Sequence[int]) -> str:
-        """Start of the current shift, in the form of `local`; shifts change at the hours `changes`."""
+        """Start of the current work shift, in the form of `local`; shifts change at the hours `changes`."""
         now = time.localtime(time.time())
         passed = [hour for hour in changes if hour <= now.tm_hour]
         day = datetime(*now[:3], tzinfo=UTC) - timedelta(days=0 if passed else 1)
         return f"{day.date()} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
-        """Time that nobody can set: `boot`, first digits of the boot's id, and `up_s`, seconds since boot.
+        """The time by a clock that nobody can set: `boot`, digits that identify the boot, and `up_s`.
 
-        Includes the time that the machine was suspended. Empty where unavailable.
+        `up_s` are the seconds since the boot, including the time that the machine was suspended. Empty where
+        the machine does not provide them.
         """
         with suppress(OSError):
             up_s = time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -76,10 +77,10 @@ class SystemClock:
 
 
 def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | None:
-    """Seconds since a record was written; None if unclear.
+    """Seconds since a record was written; None if that cannot be known.
 
-    Within one boot `up_s` decides. After a reboot only the wall clock is left: it is trusted if it advanced
-    by at least the time since the boot.
+    If the machine was not rebooted since, they follow from `up_s`. Otherwise only the wall clock is left: it
+    is trusted if it advanced by at least the time since the boot.
 
     Args:
         record: a record with `time`, `boot` and `up_s`, as a journal holds them.
@@ -100,7 +101,7 @@ def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | No
 
 
 class Lap:
-    """A stopwatch in cell seconds."""
+    """A stopwatch that counts seconds of the cell."""
 
     def __init__(self, clock: SystemClock) -> None:
         self._clock, self._since = clock, clock.now()

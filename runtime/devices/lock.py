@@ -1,7 +1,7 @@
-"""Lock of a device for one process, by the device's identity, whatever path or address names it.
+"""Locks a device for one process, by the device's identity: other paths and addresses of it are locked, too.
 
-The lock is a socket in Linux's abstract namespace. Unlike a file it cannot be replaced, has no owner or
-folder that differs between users and sessions, and ends with its process.
+The lock is a socket in Linux's abstract namespace. Unlike a file, such a socket cannot be replaced, is the
+same for all users and sessions, and ends with its process.
 """
 
 import errno
@@ -36,9 +36,9 @@ SCRIPT_PORT_BELOW = 2  # the port at which a UR arm takes programs is so far bel
 
 
 class PortLock(ExitStack):
-    """Lock held while a process uses a device; released when the process ends, however it ends.
+    """Lock that a process holds while it uses a device; released when the process ends, however it ends.
 
-    Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
+    A link such as /dev/serial/by-id/... locks the device to which it leads, the name of a host its addresses.
 
     Raises:
         UnreachableError: another process holds the lock; the message names the process.
@@ -79,7 +79,7 @@ def _bound(name: str, port: str) -> socket.socket:
 
 
 def _owner(address: str) -> str:
-    """The process id of the listener at an address."""
+    """The process id, as text, of the process that holds the lock at an address; or why it is unknown."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)
         try:
@@ -91,7 +91,7 @@ def _owner(address: str) -> str:
 
 
 def _devices(port: str) -> list[str]:
-    """Identities of the device at a port: all addresses of a host, or the numbers of a tty."""
+    """Identities of the device at a port: a host's addresses and ports, or the number of a device file."""
     port = port.removeprefix(f"{MANUAL}+")
     if port.partition(":")[0] == MANUAL:
         return []
@@ -130,7 +130,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """Suffix of an identity for the Modbus unit behind a gateway; empty for the usual unit."""
+    """Text that an identity states for a Modbus unit behind a gateway; empty for the usual unit."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:
@@ -141,7 +141,10 @@ def _unit(parts: SplitResult) -> str:
 
 
 def _together(scheme: str, number: int | None) -> set[int | None]:
-    """All ports through which the device behind a port can be moved; whoever uses one locks all."""
+    """All ports of a host through which the same device can be moved, `number` among them.
+
+    A process that uses one of them locks all.
+    """
     ports = {number}
     if scheme == "ur" and number is not None:
         ports.add(number - SCRIPT_PORT_BELOW)
@@ -160,7 +163,10 @@ def _canonical(text: str) -> str:
 
 
 def _is_own(address: str) -> bool:
-    """Whether an address belongs to this machine, by the source address of a route; nothing is sent."""
+    """Whether an IP address belongs to this machine: packets to it would have it as their source.
+
+    Nothing is sent.
+    """
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as looking:
         try:

@@ -1,8 +1,8 @@
-"""A world without physics: draws widths from the table's statistics.
+"""A world without physics: a squeeze returns a width drawn from the table's probabilities.
 
-It shows that runtime, gripper and arm work together. It knows no more about the part than the table does,
-so its success says nothing about the plan. Where the planner is installed, its contact world is used
-instead.
+A run in this world shows that runtime, gripper and arm work together. It says nothing about the plan, since
+the widths come from the table itself. Where the planner is installed, the planner's world with contact
+mechanics is used instead.
 """
 
 from math import dist, pi, remainder, tau
@@ -18,10 +18,10 @@ NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """Builds the rehearsal of a table; its name as a world is `runtime.devices.rehearsal:make`.
+    """Builds the rehearsal of a table; `runtime.devices.rehearsal:make` names this world to `grasp-cell`.
 
     Raises:
-        UsageError: `job` is not a table, and so has no statistics.
+        UsageError: `job` is not a table, and so has no probabilities.
     """
     if not isinstance(job, Table):
         raise UsageError(
@@ -31,11 +31,11 @@ def make(job: object, seed: int) -> "Rehearsal":
 
 
 class Rehearsal:
-    """Simulates squeezes: draws a branch of the node by its probability, and a width inside it.
+    """Simulates squeezes: draws a branch of the node by its probability, and a width within the branch.
 
-    The part never moves. A squeeze at the place of the previous one (a re-squeeze, or a later stroke of a
-    regulated squeeze) ends at the same width. A squeeze at a place that belongs to no child of the previous
-    node starts a new part at the root.
+    The part never moves. A squeeze at the same place as the last one (a re-squeeze, or a later stroke of a
+    regulated squeeze) ends at the same width. A squeeze at the place of a child of the last node goes on with
+    the part; at any other place, it begins a new part at the root.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
@@ -49,8 +49,8 @@ class Rehearsal:
         """Squeezes a part that lies at a pose in the hand's frame [mm, mm, rad].
 
         Returns:
-            The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
-            drawn branch holds nothing.
+            The pose, unchanged; the width in mm, without encoder noise; and "grasped", or "untouched" where
+            nothing is held at the drawn branch.
         """
         index = self._node_of(pose_hand)
         if index is None:
@@ -67,10 +67,11 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def _node_of(self, pose_hand: Pose2) -> int | None:
-        """Index of the node that is executed; None if the squeeze repeats the last one.
+        """Finds the node whose squeeze is executed, by the place where the part would lie in the world.
 
-        If the part lies where it lay at the last squeeze, the node is a child of the last node; otherwise it
-        is the root, and the part a new one.
+        Returns:
+            The index of a child of the last node, for which the part lies where it lay at the last squeeze;
+            None if only the last node fits, whose squeeze is repeated; else 0: the part is a new one.
         """
         for index in (*self._next, self._last):
             seen = self._poses(index, pose_hand)
@@ -79,12 +80,15 @@ class Rehearsal:
         return 0
 
     def _poses(self, index: int, pose_hand: Pose2) -> list[Pose2]:
-        """Poses of the part in the world for a hand at the node's place, and for one turned half round."""
+        """The possible poses in the world of a part whose pose in the hand's frame is `pose_hand`.
+
+        There are two: one if the hand is at the node's grasp pose, one if it is turned half round.
+        """
         x_mm, y_mm, angle_rad = placement(self._table.nodes[index].squeeze)
         return [compose((x_mm, y_mm, angle), pose_hand) for angle in (angle_rad, angle_rad + pi)]
 
     def _width_um(self, node: Node, branch: Branch) -> float:
-        """Draws a width of this branch, with a margin for encoder noise where the interval allows."""
+        """Draws a width, um, that selects a branch even with encoder noise, if the branch is wide enough."""
         mine = node.branches.index(branch)
         meant = decision_map(node, self._table.gripper).either.intervals()
         low = min(start for start, _, number in meant if number == mine)

@@ -1,7 +1,8 @@
-"""Locates parts for a robot that asks `--serve` where to squeeze, and whose program moves hand and jaws.
+"""Answers a robot that asks `grasp-runtime --serve` where to squeeze, and itself moves hand and jaws.
 
-Each request of the robot and each answer is a line of the protocol in `tools/docs/serve.md`. The answers are
-the requests of the part's program (`traversal.program`). The robot may do anything between two lines.
+Robot and runtime exchange lines of text by the protocol in `tools/docs/serve.md`: to each line of the robot
+belongs one answer. What an answer requests, a squeeze or a drag, is decided by `traversal.program`. Between
+two lines the robot may do anything.
 """
 
 import re
@@ -52,15 +53,15 @@ ERRORS = {
 
 
 def refused(number: int) -> str:
-    """The line that answers a robot with the error `number` of `ERRORS`."""
+    """The answer to a line that is refused: the number of the error and its sentence in `ERRORS`."""
     return f"ERROR {number} {ERRORS[number]}"
 
 
 def check_asked(table: Table) -> None:
-    """Checks that a robot that asks can execute a table, since the protocol has no pushes.
+    """Checks that a table has no pushes: the protocol of `--serve` cannot request them from a robot.
 
     Raises:
-        TableError: the table pushes parts; the message names the first node with a push.
+        TableError: the table has pushes; the message names the first node with one.
     """
     if table.pushing is not None:
         raise TableError(
@@ -70,7 +71,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """A line is refused; `number` is the number of the error in `ERRORS`."""
+    """A line of the robot is refused; the message is the answer, which states an error of `ERRORS`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))
@@ -91,8 +92,8 @@ class _Part:
 class AskedParts:
     """Answers the protocol lines of one robot by looking up a table, part after part.
 
-    `name` is the table's digest, whose first digits the answer to `TABLE` contains. The caller has already
-    written the journal's header.
+    `name` is the digest of the table; the answer to the line `TABLE` states its first digits. The journal
+    must already have its header.
     """
 
     def __init__(
@@ -128,10 +129,10 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """Returns the answer to a line of the robot; neither has a line end.
+        """Returns the answer to a line of the robot; line and answer are without line end.
 
         Raises:
-            JournalError: the journal cannot be written; the line then has no effect.
+            JournalError: the journal cannot be written; the line gets no answer, and the run has to end.
         """
         name, *words = line.split(" ")
         try:
@@ -143,7 +144,7 @@ class AskedParts:
             return str(refusal)
 
     def give_up(self, outcome: Outcome, reason: str) -> bool:
-        """Ends the current part without a pose; returns whether there was a part."""
+        """Ends the part under way, if there is one, without a pose; returns whether there was one."""
         if self._part is None:
             return False
         self._end(PartResult.of(self._part.number, outcome, self._part.steps, reason))
@@ -164,7 +165,7 @@ class AskedParts:
         return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
-        """Takes the width of `WIDTH mm [OBJECT|NONE] [node]` as the reading; returns the answer."""
+        """Takes the width in the line `WIDTH mm [OBJECT|NONE] [node]` as the reading; returns the answer."""
         part, seen = self._due(words, 1)
         _check(NUMBER.fullmatch(words[0]) is not None, 10)
         width_um = round(1000 * float(words[0]))
@@ -176,7 +177,7 @@ class AskedParts:
         return self._read(part, program.Reading(reading_um, seen), ["WIDTH", *words])
 
     def _counts(self, words: list[str]) -> str:
-        """Takes the encoder count of `COUNTS n OBJECT|NONE [node]` as the reading; returns the answer."""
+        """Takes the count in the line `COUNTS n OBJECT|NONE [node]` as the reading; returns the answer."""
         part, seen = self._due(words, 2)
         _check(seen is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
         assert seen is not None
@@ -204,7 +205,15 @@ class AskedParts:
     # -- readings -------------------------------------------------------------------------------------
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
-        """Checks the words of a reading; returns the part and the object state, None if not stated."""
+        """Checks that a reading is due, and that its words are valid.
+
+        Args:
+            words: the words after `WIDTH` or `COUNTS`.
+            least: the least number of words.
+
+        Returns:
+            The current part, and the object state; None if the words do not state it.
+        """
         _check(self._part is not None and isinstance(self._part.request, program.Approach), 11)
         assert self._part is not None
         more = words[1:]
@@ -215,10 +224,10 @@ class AskedParts:
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
-        """Infers the object state from a width alone: the state for which the width has a branch.
+        """Infers from a width alone whether an object was felt: the state in which a branch has the width.
 
-        If both states lead to the same decision, a width of at least `HELD_UM` means a held part. If they
-        lead to two different branches, the jaws count as empty.
+        If both states lead to the same decision, a width of at least `HELD_UM` counts as a felt object. If
+        they lead to two different branches, the jaws count as empty.
         """
         width_um = self._calibration.width_um(reading_um)
         felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))
@@ -243,10 +252,13 @@ class AskedParts:
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
     def _check_possible(self, approach: program.Approach, reading: program.Reading) -> None:
-        """Refuses an impossible reading with the number of an error in `ERRORS`.
+        """Refuses an impossible reading with one of two errors of `ERRORS`.
 
-        It is 23 if the jaws report that they closed on nothing but are open, and 21 if they are as wide open
-        as before the squeeze and the node has no branch for that width.
+        Error 23: the jaws report that they closed on nothing, but are open. Error 21: the jaws are as wide
+        open as before the squeeze, and the node has no branch for that width.
+
+        Raises:
+            RefusedError: the reading is impossible.
         """
         calibration, decided = self._calibration, self._program.maps[approach.index]
         reading_um, seen = reading
@@ -262,12 +274,12 @@ class AskedParts:
     # -- what follows ---------------------------------------------------------------------------------
 
     def _go_on(self, part: _Part) -> str:
-        """Moves on to the next request after a release; returns the line that states it to the robot."""
+        """Goes on to the program's next request after a release; returns the answer that states it."""
         part.request = next(part.requests)
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """Journals that the next squeeze begins or the part ends; returns the line for the robot."""
+        """Journals the current request, a squeeze or the part's end; returns the answer that states it."""
         request = part.request
         if isinstance(request, program.Done):
             self._end(request.result)

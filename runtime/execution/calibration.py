@@ -33,7 +33,7 @@ class Gauge(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean reading, um."""
+        """Mean of the readings, um."""
         return sum(self.readings_um) / len(self.readings_um)
 
     @property
@@ -44,7 +44,7 @@ class Gauge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GripperCalibration:
-    """The calibration of one gripper."""
+    """The measured calibration of one gripper: the gauged blocks, and the widths derived from them."""
 
     gripper: str  # name or serial number of the gripper, as the operator gave it
     date: str  # date of the calibration, ISO 8601
@@ -57,7 +57,7 @@ class GripperCalibration:
     middle: Middle | None = None  # where the fingers meet, if measured
 
     def of(self, profile: GripperProfile) -> Calibration:
-        """The map from nominal to true widths, for a gripper of that profile."""
+        """Builds the map from nominal to true widths, for a gripper with this profile."""
         return Calibration(profile, self.points_um)
 
 
@@ -68,9 +68,9 @@ def measure(
 
     Args:
         gripper: the gripper to measure.
-        widths_mm: widths of the blocks, in ascending order; 0 stands for no block.
+        widths_mm: widths of the blocks, in ascending order; 0: the fingers close on nothing.
         grips: how often each block is gripped.
-        ask: prompts the operator and waits.
+        ask: shows a request to the operator, and waits until it is fulfilled.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
@@ -112,7 +112,13 @@ def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
 def fit(
     gauges: Sequence[Gauge], profile: GripperProfile, gripper: str, date: str
 ) -> GripperCalibration:
-    """Fits the calibration that passes through the gauged widths, at least `LEAST_BLOCKS` of them.
+    """Computes the calibration whose curve passes through the mean reading of every block.
+
+    Args:
+        gauges: the readings of at least `LEAST_BLOCKS` blocks.
+        profile: profile of the gripper.
+        gripper: name or serial number of the gripper.
+        date: date of the calibration, ISO 8601.
 
     Raises:
         InputError: too few blocks, two blocks of one width, or a wider block without a larger reading.
@@ -132,13 +138,16 @@ def fit(
     width_mm = curve(ordered)
     readings = [profile.stroke_um * k // POINTS for k in range(-BEYOND, POINTS + BEYOND + 1)]
     widths = (max(round(1000 * width_mm(reading)), 0) for reading in readings)
-    # Rounding must not make a width fall by a micrometre.
+    # Rounded to um, a width might be less than the one before it: `accumulate` takes the larger.
     points = tuple(zip(readings, accumulate(widths, max), strict=True))
     return GripperCalibration(gripper, date, tuple(ordered), points)
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """Error at each block of a fit to the other blocks [mm]; none for the narrowest and the widest block."""
+    """How well the blocks agree: for each block, the error, mm, of a curve through the other blocks.
+
+    The narrowest and the widest block are left out.
+    """
     gauges = calibration.gauges
     return [
         curve([*gauges[:k], *gauges[k + 1 :]])(gauges[k].mean) - gauges[k].width_mm
@@ -161,17 +170,19 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 class CalibrationFile(NamedTuple):
-    """A calibration and its file's bytes, which a signature covers."""
+    """A calibration, and the bytes of its file, which a signature may cover."""
 
     calibration: GripperCalibration
     data: bytes
 
 
 def load(path: Path) -> CalibrationFile:
-    """Reads a calibration from a file, once, and checks it.
+    """Reads a calibration from a file, and checks it.
+
+    The file is read only once, so that the returned bytes are those that were checked.
 
     Raises:
-        InputError: the file cannot be read, was changed by hand, or is not monotone.
+        InputError: the file cannot be read, was changed by hand, or has widths that do not rise.
     """
 
     def refused(problem: str) -> InputError:
@@ -213,8 +224,8 @@ def _parsed(record: object) -> GripperCalibration:
 def curve(gauges: Sequence[Gauge]) -> Callable[[float], float]:
     """The width, mm, as a function of the reading, um: a monotone cubic spline through the gauged points.
 
-    Beyond the outermost points the function continues straight. Its slope is continuous, like the slope of
-    the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    The slope of the curve is continuous (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980). Beyond the
+    outermost points the curve continues straight.
     """
     points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
     x = [reading_um for reading_um, _ in points]

@@ -1,8 +1,8 @@
 """Chooses, checks and executes the delivery of a localised part: the last grasp, the path to the drop-off.
 
-Equivalent paths differ by the part's symmetry, and by half a turn of the hand where both fingers close
-alike. Of the paths within the areas, the arm's reach and the wrist's range, the one that turns the hand least
-is used.
+A symmetric part may be put down turned by a period of its symmetry, and a hand whose fingers close alike may
+grasp it turned by half a turn. Of all these paths, the one that turns the hand least is used; it must lie
+within the areas, the arm's reach and the wrist's range.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from runtime.table.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
-    """Places of the hand to take the part and to put it down: mm, mm, rad including whole turns."""
+    """Poses of the hand where it takes the part and where it puts it down: mm, mm, rad with whole turns."""
 
     taken: Pose2
     put: Pose2
@@ -77,7 +77,7 @@ def choose(
         delivery: where the part is grasped and put down.
         table: the table of the leaf.
         leaf: states the part's pose.
-        start: place of the hand before.
+        start: pose of the hand before the delivery.
         arm: reports its reach and its wrist's range; without it only the areas are checked.
         middle_mm: distance from the hand's middle at which the fingers meet.
 
@@ -149,7 +149,7 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
 
 
 def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
-    """Yields the equivalent ways to take and put down a leaf's part, the one without any turn first."""
+    """Yields all equivalent ways to take and put down a leaf's part; first the one without an added turn."""
     halves = (0.0, pi) if close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     symmetry = table.goal_of(leaf.hypothesis).symmetry
@@ -192,7 +192,10 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """Copies of a place at all angles in the wrist's range that equal its angle up to whole turns."""
+    """A place at every angle in the wrist's range that equals its angle up to whole turns.
+
+    The angle nearest to `near_rad` comes first.
+    """
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
     return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]

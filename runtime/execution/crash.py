@@ -31,25 +31,25 @@ SAME = {
 def look(
     journal: Journal, fields: Mapping[str, object], policy: str, console: Console, most_s: float
 ) -> Replay | None:
-    """Checks whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
+    """Checks whether a journal's last run broke off; gives such a run up, or returns it to be continued.
 
-    With the policy `ABORT` the run is given up, which is journalled and raises an error. Otherwise nothing is
-    written to the journal.
+    With the policy `ABORT` the run is given up: this is journalled, and an error is raised. With `RESUME` and
+    `RESTART` nothing is journalled; with `RESTART` the returned run begins its part again.
 
     Args:
         journal: the open journal, without an incomplete last line.
         fields: the header of a new run, with `table_sha256`.
         policy: `ABORT`, `RESUME` or `RESTART`.
-        console: receives the result.
-        most_s: age of the last record above which a part is not continued, s.
+        console: receives a message if a run is to be continued.
+        most_s: greatest age, s, of the last record of a part that is continued.
 
     Returns:
-        The run to resume; None where the last run ended.
+        The run to continue; None where the last run ended.
 
     Raises:
-        BrokenRunError: the policy is to give the run up, or the run cannot be continued: a field of `SAME`
-            differs, its records do not follow from its readings, its last record is too old, or the policy
-            is to resume a part that was being pushed.
+        BrokenRunError: the run was given up, or cannot be continued: a field of `SAME` differs, its records
+            do not follow from its readings, its last record is too old or of unknown age, or it is to be
+            resumed at a part that was being pushed.
     """
     try:
         broken = broken_run(journal.path, journal.last_part)
@@ -90,7 +90,14 @@ def look(
 def begin(
     journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
-    """Writes the header of a new run, or the record that the broken one is resumed.
+    """Writes the first record of a run: a header, or for a run that broke off the record that it continues.
+
+    Args:
+        journal: the journal.
+        broken: the run that broke off; None: a new run begins.
+        table: the bytes of the table's file, for the header.
+        fields: the other fields of the header.
+        policy: how the run continues: `RESUME` or `RESTART`.
 
     Raises:
         JournalError: the journal cannot be written.
@@ -125,7 +132,11 @@ def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
 
 
 def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
-    """Checks that a part's last record is recent enough for the part to be unchanged since."""
+    """Checks that a part's last record is at most `most_s` old, so that the same part still lies there.
+
+    Raises:
+        BrokenRunError: the record is older, or its age is unknown.
+    """
     written = f"the run that broke off wrote its last record at {last['time']}"
     passed_s = age_s(last, now)
     if passed_s is None:

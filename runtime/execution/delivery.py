@@ -1,7 +1,7 @@
 """Delivery of a localised part: where it is grasped for the last time, and where it is put down.
 
-It is declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOMES.md), or on the command
-line.
+A delivery is stated in a job's section `delivery`, in a TOML file with the same keys (OUTCOMES.md), or on the
+command line.
 """
 
 import math
@@ -35,7 +35,7 @@ class Delivery:
     area_um: Area | None = None
 
     def record(self) -> dict[str, object]:
-        """The delivery as an entry of a journal's header, where None stands for an unlimited width."""
+        """The delivery as an entry of a journal's header; an unlimited width is stated as None."""
         low, high = self.width_mm
         return {
             "drop": list(self.drop),
@@ -77,7 +77,10 @@ Places = Delivery | Sorting  # where the parts of a run are put down
 
 
 def from_word(word: str, picks: Mapping[str, Pose2]) -> Delivery:
-    """Parses the word of a delivery: `x,y,angle` (see `from_text`), or a file's name (see `from_file`)."""
+    """Parses the value of `--deliver`: `x,y,angle` (see `from_text`), or a file's name (see `from_file`).
+
+    `picks` are the part's named grasps, of which a file may name one.
+    """
     return from_text(word) if "," in word else from_file(Path(word), picks)
 
 
@@ -98,11 +101,11 @@ def from_text(text: str) -> Delivery:
 
 
 def by_name(words: Sequence[str], table: Table) -> Sorting:
-    """Parses words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
+    """Parses the values `NAME=x,y,angle` or `NAME=FILE` of `--deliver`, for a table of several parts.
 
     Raises:
-        UsageError: a name is missing, unknown or repeated; a place is invalid; or leaves do not state both
-            part and pose.
+        UsageError: a name is missing, unknown or repeated; a place is invalid; or the table does not tell
+            both which part it is and where it lies.
         InputError: see `from_file`.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
@@ -129,6 +132,8 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
 
 def from_file(path: Path, picks: Mapping[str, Pose2]) -> Delivery:
     """Reads a delivery from a TOML file, whose keys are at the top level or in a section `delivery`.
+
+    `picks` are the part's named grasps, of which the file may name one.
 
     Raises:
         InputError: the file cannot be read, or a key is wrong.
@@ -158,12 +163,12 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
 
 
 def from_keys(keys: object, where: str, picks: Mapping[str, Pose2]) -> Delivery:
-    """The delivery that the keys of a parsed section state.
+    """Builds a delivery from the keys of a section `delivery`.
 
     Args:
-        keys: the parsed section.
+        keys: the section, parsed.
         where: what messages call the section.
-        picks: named grasps of the part, poses of the hand in its frame.
+        picks: named grasps: poses of the hand in the part's frame.
 
     Raises:
         InputError: `keys` is no section; a key is unknown or missing; a value is wrong; or the grasp is none

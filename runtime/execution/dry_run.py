@@ -11,13 +11,13 @@ from runtime.table.geometry import end_of, placement, pose_text, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> Iterator[str]:
-    """Reads both devices, and yields what a run would send to them at every node of a table.
+    """Reads both devices, and yields sentences that state what a run would send to them.
 
-    The devices must be connected over links that cannot write. The sentences are for people: the state of
-    each device, each push and squeeze, and each delivery.
+    The sentences describe the present state of each device, each push and squeeze at every node of the table,
+    and each delivery. The devices must be connected over links that cannot write.
 
     Raises:
-        MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
+        MotionRefusedError: a run would refuse to go to a place of the table, or to deliver from a leaf.
     """
     handling = options.handling
     calibration = handling.widths(table)

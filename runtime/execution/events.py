@@ -10,7 +10,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Phase(Enum):
-    """Phase of the cell; the value is its name in the status."""
+    """What the cell is doing; the value is the name that the cell's status shows."""
 
     IDLE = "idle"
     RESUME = "resume"  # freeing the hand after a run that broke off
@@ -39,7 +39,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class Tally:
-    """Running totals over a run's parts: outcomes, squeezes, times, crashes; no single results."""
+    """Running totals over the parts of a run: outcomes, squeezes, times, and fingers placed onto a part."""
 
     takt_s: float | None = None  # the time within which parts should be done
     # whether the clock counts seconds of the cell; False for a clock faster than real time
@@ -69,21 +69,25 @@ class Tally:
             self.within = (self.within or 0) + (seen.within is True)
 
     def fields(self) -> dict[str, object]:
-        """The sums, as fields of a journal record."""
+        """Numbers of parts and outcomes, and the times' statistics, as fields of a journal record."""
         counts = {each.value: self.outcomes[each] for each in Outcome if self.outcomes[each]}
         times = {name: round(value, 4) for name, value in self.times().items()}
         return {"parts": self.parts, "outcomes": counts, **times}
 
     def times(self) -> dict[str, float]:
-        """Statistics of the parts' times, see `runtime.table.takt`; empty before the first part.
+        """Statistics of the parts' times, by the names of `runtime.table.takt`; empty before the first part.
 
-        Also empty unless `timed`: the clock of a cell faster than real time multiplies computing time.
+        They are also empty if `timed` is False: in a cell faster than real time, the clock multiplies the
+        seconds that this machine computes, so that a part's time means nothing.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
 
 class Console:
-    """Observer of run events, called in order. Implementations must not raise and may override any subset."""
+    """Observer of a run: its methods are called in the order of the events.
+
+    A subclass overrides the methods that it needs, which must not raise.
+    """
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
         """Receives a change of phase; `node` is the index of the node, None where there is none."""

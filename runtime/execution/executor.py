@@ -1,7 +1,7 @@
-"""Performs a part's program with arm and gripper, until the part's outcome is known.
+"""Squeezes parts with arm and gripper by a table, each until its outcome is known.
 
-`traversal.program` yields the requests, `hand` moves the hand. Any fault and any Ctrl-C end in `safe_state`
-and in a terminal outcome.
+`traversal.program` yields the requests, such as a squeeze; `hand` performs them. Any fault and any Ctrl-C
+ends in the declared safe state (`safe_state`) and in the outcome FAULT or STOPPED.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """The devices and records of an executor, with an auditor if there is one."""
+    """The devices, the clock and the journal of an executor, and its auditor if there is one."""
 
     gripper: Gripper
     arm: Arm
@@ -145,7 +145,10 @@ class Executor:
         return turn_urad
 
     def _descend(self, part: int, state: TraversalState) -> PartResult:
-        """Performs the part's program, each squeeze within its deadline; returns the part's result."""
+        """Performs a part's program from `state` to its end; returns the part's result.
+
+        Each squeeze has a deadline.
+        """
         self._phases.clear()
         requests = self._program.part(part, state, self._steps)
         request = next(requests)
@@ -162,7 +165,16 @@ class Executor:
     def _squeeze(
         self, part: int, requests: program.Requests, approach: program.Approach
     ) -> program.Release:
-        """Performs one squeeze, starting and ending above the part; returns its `Release` request."""
+        """Performs one squeeze, from above the part until the hand is above it again.
+
+        Args:
+            part: number of the part.
+            requests: the part's program.
+            approach: the program's current request.
+
+        Returns:
+            The program's request to release the part, which has been performed, too.
+        """
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
             self._push(part, approach)
@@ -215,7 +227,7 @@ class Executor:
             self._hand.jaws.open(node.squeeze)
 
     def _travel(self, part: int, index: int, squeeze: Squeeze, *, first: bool) -> float:
-        """Moves above a squeeze's place while the jaws go to its opening; returns the hand's angle there."""
+        """Moves above a squeeze's place while the jaws go to its opening; returns the hand's angle, rad."""
         self._console.phase(part, Phase.PLACE, index)
         if first:
             self._hand.retreat()
@@ -229,7 +241,7 @@ class Executor:
         return angle_rad
 
     def _drag(self, point: Place | None) -> None:
-        """Drags the held part to its place of release; None: it is released in place."""
+        """Drags the held part to `point`; None: does nothing."""
         if point is not None:
             self._hand.slide(point.x_um / 1000, point.y_um / 1000)
 
@@ -250,9 +262,9 @@ class Executor:
         self._hand.retreat()
 
     def _finish(self, result: PartResult) -> PartResult:
-        """Has a part that ended at a leaf judged by the auditor, and delivers it; returns the new result.
+        """Audits and delivers a part that ended at a leaf; returns the result with verdict and delivery.
 
-        Other results are returned unchanged.
+        The result of any other part is returned unchanged.
         """
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
@@ -279,7 +291,7 @@ class Executor:
         return result
 
     def _end(self, part: int, outcome: Outcome, reason: str, error: BaseException) -> PartResult:
-        """Brings the cell into the safe state; then journals and returns the result of a fault or a stop."""
+        """Brings the cell into the safe state after a fault or a stop; journals and returns the result."""
         self._console.phase(part, Phase.SAFE, None)
         cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
         notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)
@@ -287,7 +299,7 @@ class Executor:
         return self._ended(replace(result, exit_code=exit_code_of(error)), notes)
 
     def _ended(self, result: PartResult, notes: Sequence[str]) -> PartResult:
-        """Journals and returns the result of a fault, a stop or an abort; `notes` become its `safe_state`.
+        """Journals the result of a fault, a stop or an abort, and returns it with `notes` as `safe_state`.
 
         If the journal cannot be written, `safe_state` of the returned result says so.
         """

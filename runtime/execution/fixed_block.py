@@ -1,15 +1,15 @@
 """Measures where the fingers meet: grips a fixed block with the hand at two angles half a turn apart.
 
-The block cannot move, so that the first finger to touch it stops both. Along the hand's y let h be the place
-of the hand, b the place of the block, and m the distance from the hand's middle at which the fingers meet on
-the block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a
-width w = W + v, then
+The block cannot move: the first finger that touches it stops both fingers. Along the hand's y let h be the
+place of the hand, b the place of the block, and m the distance from the hand's middle at which the fingers
+meet on the block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop
+at a width w = W + v, then
 
     h = b - m - s v          where the upper finger touches first,
-    h = b - m + (1 - s) v    where the lower finger does.
+    h = b - m + (1 - s) v    where the lower finger touches first.
 
-With v subtracted from the second h, both are one line in v, of slope -s. Half a turn of the hand changes the
-sign of b, but not m.
+If v is subtracted from the second h, both equations are the same line in v, with slope -s and value b - m at
+v = 0. Half a turn of the hand changes the sign of b, but not of m: the mean of both values at v = 0 is -m.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,7 +43,9 @@ class Grip(NamedTuple):
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """Builds a node that squeezes a block gently, from jaws opened for it, with one branch for any width.
+    """Builds the node by which a block is squeezed gently; it has one branch, for any width.
+
+    The jaws open `ROOM_MM` farther than the block on either side.
 
     Raises:
         InputError: the block is too wide for the gripper.
@@ -62,7 +64,7 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """Yields the outermost places [mm, mm, rad] to which `measure` may send the hand about a block."""
+    """Yields the outermost poses of the hand [mm, mm, rad] to which `measure` may send it, about a block."""
     most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
     for turn in (0.0, pi):
         for off in (-most, most):
@@ -72,7 +74,7 @@ def places(at: Pose2) -> Iterator[Pose2]:
 def measure(
     hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]
 ) -> Middle:
-    """Grips a fixed block from both sides, with the hand at two angles half a turn apart.
+    """Grips a fixed block at several offsets, with the hand at two angles half a turn apart.
 
     Args:
         hand: retreated, with nothing between the fingers, and without a measured middle.
@@ -80,6 +82,9 @@ def measure(
         block_mm: the block's width.
         at: the block's centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
         tell: receives a message for each angle of the hand.
+
+    Returns:
+        The measured place where the fingers meet.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
@@ -97,7 +102,14 @@ def measure(
 
 
 def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
-    """The rough offset from `about`, along the hand's y, at which both fingers touch at once [mm]."""
+    """Grips the block at two offsets from `about`, to find roughly where it stands.
+
+    Returns:
+        The offset, mm, along the hand's y, at which both fingers touch the block at once.
+
+    Raises:
+        InputError: the block gives way, has another width, or stands too far from `about`.
+    """
     below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
     if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
         raise InputError(
@@ -130,11 +142,11 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """Computes where the fingers meet from the grips at both angles of the hand, by a line for each angle.
+    """Computes where the fingers meet: fits a line to the grips at each of the hand's two angles.
 
     Args:
         block_mm: the block's width.
-        halves: for each angle, the result of `_look` [mm], and the grips.
+        halves: for each angle, the block's rough offset (`_look`) [mm], and the grips.
 
     Raises:
         InputError: the readings do not fit the block, or the fingers meet too far off the hand's middle.

@@ -69,10 +69,10 @@ class Hand:
         self._sent_to: PoseOfHand | None = None
 
     def await_stillness(self) -> None:
-        """Waits until a motion begun before this run is over.
+        """Waits until the fingers end a motion that began before this run.
 
         Raises:
-            GripperStateError: the fingers do not come to rest, or are not ready.
+            GripperStateError: the fingers do not come to rest, or the gripper is not ready.
         """
         until = self._clock.now() + STILL_S
         while self.gripper.state().moving and self._clock.now() < until:
@@ -127,7 +127,7 @@ class Hand:
 
         - the wrist reaches the planned angle only by more than half a turn;
         - the hand stands in the outer half of the wrist's range, and turning back from its end takes clearly
-          less effort. The nearer the end, the less effort a turn back counts as.
+          less effort. The effort of a turn back counts for less, the nearer the hand is to that end.
 
         The choice holds for the rest of the part. In a cell whose fingers do not close evenly, such a part
         ends elsewhere than planned.
@@ -209,7 +209,7 @@ class Hand:
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
     def push(self, push: Push) -> None:
-        """Performs a push: lowers the jaws, already set to its opening, at its start; slides them to its end.
+        """Comes down at the start of a push, and slides to its end; the jaws must already have its opening.
 
         Raises:
             GripperStateError: the jaws are no longer where they were set.
@@ -269,21 +269,20 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Closes the jaws at a node, and raises the force on what they met to the node's force.
+        """Closes the jaws at a node (`meet`), then raises the force (`tighten`); returns the last reading.
 
-        See `meet` for the result and the errors.
+        The errors are those of `meet`.
         """
         return self.tighten(node, self.meet(node))
 
     def meet(self, node: Node) -> Settled:
-        """Closes the jaws by a node's squeeze until they settle; a regulated squeeze uses the least force.
+        """Closes the jaws by a node's squeeze until they settle; returns the reading of the last stroke.
 
-        Returns:
-            The reading of the last stroke, after which the arm still stood where it was sent.
+        A regulated squeeze closes with the least force. After the last stroke the arm is checked, too.
 
         Raises:
             GripperStateError: the reading is not fresh, or contradicts itself.
-            MotionRefusedError: the arm was displaced meanwhile.
+            MotionRefusedError: the arm was displaced while the jaws closed.
         """
         open_mm = self.jaws.open_mm
         plan = strokes.closing(node, self._handling, self.calibration, open_mm, self.timing)
@@ -375,7 +374,7 @@ class Hand:
 
 
 def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
-    """How far an angle is outside the inner half of a range: 0 within it, -1 and 1 at the ends."""
+    """How far an angle is outside the inner half of a range: 0 in the inner half, -1 and 1 at the ends."""
     half_rad = 0.5 * (high_rad - low_rad)
     if isinf(half_rad):
         return 0.0
@@ -384,7 +383,7 @@ def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
 
 
 def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:
-    """Where the arm has to stand for the fingers to meet at a place, `middle_mm` off the hand's middle."""
+    """The place of the arm for which the fingers, `middle_mm` off the hand's middle, meet at `place`."""
     x_mm, y_mm, z_mm, angle_rad = place
     x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), middle_mm)
     return x_mm, y_mm, z_mm, angle_rad

@@ -30,9 +30,9 @@ class Handling:
         return self.calibration or Calibration(table.gripper.profile)
 
     def lifted(self, timing: Timing, calibration: Calibration) -> Timing:
-        """A copy of the timing in which the arm rises higher between two squeezes if the tips move on an arc.
+        """A copy of a timing, with a greater height between two squeezes if the tips move on an arc.
 
-        The height is raised by as much as the tips may hang lower than when the tool frame was taught.
+        The height grows by as much as the tips may hang lower than when the tool frame was taught.
         """
         if self.arc is None:
             return timing

@@ -1,7 +1,8 @@
 """What the fingers may hold when a run begins, and how to put it down.
 
-Jaws that stand short of a closing request may hold something: the object flag says whether they met it, but
-not after a stop or a loss of power. Jaws at their requested width, wide open or closed, hold nothing.
+Jaws that stopped before the width to which they were closing may hold something. The object flag says whether
+they do, but not after a stop or a loss of power. Jaws at their requested width, wide open or closed, hold
+nothing.
 """
 
 from collections.abc import Iterable, Mapping
@@ -57,7 +58,7 @@ class Held(NamedTuple):
 
 
 def look(state: GripperState, calibration: Calibration) -> Held | None:
-    """What the fingers of a gripper at rest may hold; None where they hold nothing."""
+    """What the fingers of a gripper may hold, by its state at rest; None where they hold nothing."""
     width_um, short_um = calibration.width_um(state.width_um), state.width_um - state.target_um
     certain = state.activated and state.object is ObjectState.CLOSING and short_um >= 0
     is_open = width_um >= calibration.widest_um - OPEN_UM
@@ -75,8 +76,10 @@ def put_down(
 
     Where the arm stands outside the work area, the area of the delivery applies, if there is one.
 
+    The place and the width are journalled before the motion and after it.
+
     Returns:
-        The place and the width, which are also journalled before the motion and after it.
+        The place and the width, as journalled.
 
     Raises:
         MotionRefusedError: the arm stands outside the work area and the area in which parts are carried.

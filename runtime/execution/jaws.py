@@ -67,7 +67,7 @@ class Jaws:
         self._ask(request, self._timing.fastest_mm_s if fast else _slow(squeeze), squeeze)
 
     def _stands_open(self, state: GripperState, request: int) -> bool:
-        """Whether a fresh reading shows jaws that opened as requested, and are still there."""
+        """Whether a state just read shows that the jaws opened as requested; if so, updates `open_mm`."""
         arrived = state.object is ObjectState.AT_TARGET
         stands = state.target_um == request and arrived and not self.may_hold
         stands = stands and is_open(state.width_um, request, self.calibration)
@@ -76,7 +76,7 @@ class Jaws:
         return stands
 
     def _ask(self, request: int, speed_mm_s: float, squeeze: Squeeze) -> None:
-        """Requests a position of the jaws, also while they move."""
+        """Sends the jaws to the reading `request`, um, with the squeeze's force; they may be moving."""
         self.asked = request
         self.gripper.move(request, speed_mm_s, squeeze.force_mn / 1000)
 
@@ -106,11 +106,14 @@ class Jaws:
         self.wait()
 
     def set_free(self, squeeze: Squeeze, following: Squeeze, free_mm: float) -> None:
-        """Opens at the squeeze's speed until clear of the part, then starts to open fast, and returns.
+        """Opens the jaws at the squeeze's speed until they are clear of the part; they open on after return.
+
+        From then on they open fast, if the gripper accepts a request during a motion and the way is long
+        enough.
 
         Args:
             squeeze: the squeeze that ends, whose speed and force apply.
-            following: the next squeeze, whose opening is requested.
+            following: the next squeeze, to whose opening the jaws open.
             free_mm: width at which the jaws are clear of the part.
         """
         request = self.calibration.opening_um(following.opening_um)
@@ -125,9 +128,9 @@ class Jaws:
             self._ask(request, self._timing.fastest_mm_s, squeeze)
 
     def _on_the_way(self, there: Callable[[int], bool], seconds: float) -> int | None:
-        """Polls moving jaws until `there` holds for their reading, um; returns that reading.
+        """Polls moving jaws until `there` accepts their reading, um; returns that reading.
 
-        Returns None if that takes more than `LATE_S` longer than `seconds`.
+        Returns None if that takes longer than `seconds` + `LATE_S`.
         """
         watch, left_s = Lap(self._clock), seconds + LATE_S
         while True:
@@ -140,11 +143,14 @@ class Jaws:
             self._clock.sleep(GLANCE_S)
 
     def arrives(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width and stops; returns False if the jaws met something before."""
+        """Closes to an intermediate width, and stops; returns False if the jaws met something earlier."""
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width like `arrives`, but returns True while the jaws still move."""
+        """Closes to an intermediate width like `arrives`, but returns True while the jaws still move.
+
+        That is shortly before they arrive, so that the next stroke may follow without a stop.
+        """
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um
         self.gripper.move(stroke.request_um, stroke.speed_mm_s, stroke.force_n)

@@ -21,7 +21,7 @@ class Middle(NamedTuple):
 
     @classmethod
     def parsed(cls, record: object) -> Self | None:
-        """Parses the entry of a calibration file; None where the middle was not measured.
+        """Parses the entry `middle` of a calibration file; None where the middle was not measured.
 
         Raises:
             TypeError, ValueError: the entry is invalid.
@@ -43,10 +43,10 @@ class Middle(NamedTuple):
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """Distance, mm, from the places of a table to the points where the fingers meet, at the least width.
+    """Distance, mm, along the hand's y, from a place of the table to the point where the fingers meet.
 
-    The least width is the least expected width of a held part. An uneven share stated in the job is part of
-    the plan, and adds no distance. The result is 0 without a measurement.
+    It holds for the narrowest held part (`narrowest_mm`). A finger's uneven share of the closing that the job
+    states is already part of the plan, and adds no distance. Without a measurement the result is 0.
     """
     if measured is None:
         return 0.0
@@ -56,7 +56,10 @@ def off_mm(measured: Middle | None, table: Table) -> float:
 
 
 def left(measured: Middle, table: Table) -> dict[str, list[float]]:
-    """Ranges of `middle_mm` and `finger_share` that a measurement leaves, for a job's section `[doubt]`."""
+    """The uncertainty that a measurement leaves, as `middle_mm` and `finger_share` of a job's `[doubt]`.
+
+    Both are ranges of errors: of the measured middle, and of the share of the closing that the job states.
+    """
     error_mm = SURE * measured.at(narrowest_mm(table))[1]
     more, spread = measured.share - _planned_share(table), SURE * measured.share_error
     return {
@@ -66,7 +69,7 @@ def left(measured: Middle, table: Table) -> dict[str, list[float]]:
 
 
 def narrowest_mm(table: Table) -> float:
-    """The least expected width of a held part of the table."""
+    """The least expected width, mm, of a held part at any branch of the table."""
     expected = [branch.expected_um for node in table.nodes for branch in node.branches]
     return min((width for width in expected if width >= HELD_UM), default=HELD_UM) / 1000
 

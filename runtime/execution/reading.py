@@ -18,7 +18,7 @@ CURRENT_MA = (0, 1_000)
 
 
 def room_um(profile: GripperProfile) -> int:
-    """Tolerated distance of the jaws from their request, um."""
+    """Tolerated distance, um, of jaws at rest from the width that was requested."""
     return max(STANDS_UM, ceil(STANDS_STEPS * profile.resolution_um))
 
 
@@ -64,7 +64,7 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
-    """Checks that the jaws are open as requested; collision checks of the descent rely on it.
+    """Checks that the jaws are open as requested: the hand comes down beside the part only with such jaws.
 
     Raises:
         GripperStateError: the reading is stale; or the jaws are blocked, or met something while closing to a
@@ -91,10 +91,10 @@ def is_open(reading_um: int, requested_um: int, calibration: Calibration) -> boo
 
 
 def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> None:
-    """Checks that the jaws stand, with nothing between them, about where they were set to push.
+    """Checks that the jaws stand about where they were set for a push, with nothing between them.
 
     Raises:
-        GripperStateError: the jaws do not stand so.
+        GripperStateError: the jaws stand more than `SET_UM` off.
     """
     stands_um, asked_um = map(calibration.width_um, (reading_um, requested_um))
     if abs(stands_um - asked_um) > SET_UM:
@@ -105,7 +105,7 @@ def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> N
 
 
 def check_passed(settled: Settled, requested_um: int, calibration: Calibration) -> bool:
-    """Checks a closing motion to an intermediate width; returns False if the jaws met something before.
+    """Checks a closing motion to an intermediate width; returns False if the jaws met something on the way.
 
     Raises:
         GripperStateError: the reading is stale, or object state and width contradict one another.

@@ -1,10 +1,13 @@
-"""State of a broken run, and how to free the hand without moving the part.
+"""Finds out what the hand may hold after a run broke off, and how it lets go without moving the part.
 
-A part's last record determines what the hand may be doing: after `pushing` it holds nothing, and
-stands anywhere on its way to, along or back from the node's pushes; after `placed` the fingers may be
-anywhere between open and closed at that node's place; after `squeeze` they hold the part, drag it, have
-released it, or are moving; after `freed`, and before the first record, they touch nothing. A squeeze cut
-short is repeated.
+The part's last record in the journal determines what the hand may be doing:
+
+- after `pushing` it holds nothing, and stands somewhere on its way to, along or back from the node's pushes;
+- after `placed` it is at the node's place, with the fingers anywhere between open and closed;
+- after `squeeze` it holds the part, drags it, has released it, or moves on;
+- after `freed`, and before the first of these records, it touches nothing.
+
+A squeeze that was interrupted is repeated.
 """
 
 from math import pi, remainder, tau
@@ -22,14 +25,16 @@ ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 
 
 def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None:
-    """Finds the release that a broken run did not get to, from its journal and the hand at rest.
+    """Finds out whether a part must still be released after a run broke off.
+
+    The journal and the hand, which must be at rest, decide.
 
     Returns:
         The node of the squeeze and the branch taken there; None if nothing is to be released.
 
     Raises:
-        BrokenRunError: the hand does not stand where the run left it or holds something else, or the part may
-            be in the air.
+        BrokenRunError: the hand does not stand where the run left it; it holds another part; or the part
+            was being carried.
     """
     if broken.delivering:
         raise BrokenRunError(
@@ -79,7 +84,7 @@ def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
 def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
     """Whether the hand stands on the straight way between two places, at any height.
 
-    If the fingers close alike, a hand turned by half a turn is the same.
+    With `alike`, for fingers that close alike, angles half a turn apart count as equal.
     """
     turn = pi if alike else tau
     off_mm = from_segment(pose[:2], start[:2], end[:2])

@@ -48,9 +48,9 @@ def reach_safe_state(
 
 @contextmanager
 def ending_safely(hand: Hand) -> Iterator[None]:
-    """Context that brings the cell into the safe state on every exception, and notes the results in it.
+    """Context that brings the cell into the safe state on every exception, and adds notes to the exception.
 
-    The fingers may hold something that is fixed to the table: after a calibration perhaps a clamped block.
+    If the fingers may hold something, the arm is not raised: it may be a block that is clamped to the table.
     """
     try:
         yield
@@ -65,7 +65,7 @@ def ending_safely(hand: Hand) -> Iterator[None]:
 
 @contextmanager
 def fingers_stop(gripper: Gripper) -> Iterator[None]:
-    """Context that stops the fingers on every exception, and notes the result in the error."""
+    """Context that stops the fingers on every exception, and adds the result to the exception as a note."""
     try:
         yield
     except BaseException as error:

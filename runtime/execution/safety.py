@@ -41,12 +41,12 @@ def needs_activation(state: GripperState) -> bool:
 
 
 def ready_gripper(gripper: Gripper, asked_um: int | None = None) -> GripperState:
-    """Reads the gripper and checks that it, or the arm, may be moved.
+    """Reads the gripper, and checks that gripper and arm may be moved; returns the gripper's state.
 
     A gripper that still moves to `asked_um`, the last request of this run, is ready, too.
 
     Raises:
-        GripperStateError: the gripper is not activated, in fault, or moves without a request.
+        GripperStateError: the gripper is not activated, is in fault, or moves without a request.
     """
     state = gripper.state()
     if state.fault:
@@ -108,10 +108,14 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
 
 
 def check_places(table: Table, middle_mm: float) -> None:
-    """Checks that the arm may be sent to all places of a table, shifted to where the fingers meet.
+    """Checks that the arm may be sent beside all places of a table, so that the fingers meet at them.
+
+    Args:
+        table: the table.
+        middle_mm: distance from the hand's middle at which the fingers meet.
 
     Raises:
-        MotionRefusedError: a shifted place lies outside the work area.
+        MotionRefusedError: a place to which the arm would be sent lies outside the work area.
     """
     limits = table.limits
     for node in table.nodes:

@@ -1,4 +1,4 @@
-"""Runs many parts: feeds and executes each, compares it with the truth if known, and sums up."""
+"""Runs parts one after another: locates each, compares it with its true pose if known, and sums up."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -23,12 +23,14 @@ CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 
 
 def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate: bool) -> None:
-    """Checks that the gripper may be moved; with `activate`, activates it if needed: the fingers sweep.
+    """Checks that the gripper may be moved; with `activate`, first activates it if needed.
+
+    An activation opens and closes the fingers fully.
 
     Args:
         gripper: the gripper.
-        tell: receives a sentence before the fingers sweep.
-        activate: whether the fingers may sweep.
+        tell: receives a sentence before an activation.
+        activate: whether the gripper may be activated.
 
     Raises:
         GripperStateError: the gripper moves; or it is inactive or in fault, and activation is not allowed or
@@ -50,7 +52,7 @@ def run_journalled(
         table: the table to execute.
         cell: devices and records; the journal must already have its header.
         console: receives the events.
-        options: options of the run; the part at which a run broke off is finished whatever their count.
+        options: options of the run; a part at which a run broke off is finished even beyond `count`.
         broken: a run that broke off, to continue.
 
     Returns:
@@ -84,7 +86,7 @@ def run_parts(
     """Prepares the gripper, and runs parts until they are done or one ends the run.
 
     Args:
-        numbers: the numbers of the parts; each is requested once the part before has its outcome.
+        numbers: the numbers of the parts; the next number is drawn once the part before has its outcome.
         table: the table to execute.
         cell: devices and records.
         console: receives the events.
@@ -118,7 +120,7 @@ def run_parts(
 
 
 def put_down(table: Table, cell: Cell, options: RunOptions) -> Mapping[str, object]:
-    """Puts down what the fingers hold, as a run without parts; returns its place and width.
+    """Puts down what the fingers hold, as a run without parts; returns the place and the width.
 
     Raises:
         Exception: any error, once the declared safe state is reached and recorded.
@@ -130,10 +132,12 @@ def put_down(table: Table, cell: Cell, options: RunOptions) -> Mapping[str, obje
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """Context of a run, which yields its sums, and writes the run's last record in any case.
+    """Context of a run that yields its totals, still zero, and at its end writes the run's last record.
+
+    The record is also written, with the reason, when an exception ends the run.
 
     Raises:
-        JournalError: the last record cannot be written.
+        JournalError: the last record of a run without an exception cannot be written.
     """
     tally = Tally()
     try:
@@ -153,7 +157,7 @@ def end_run(journal: Journal, tally: Tally) -> None:
 
 
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
-    """Compares a part's predicted pose with the truth."""
+    """Compares the pose that a part's result predicts with the true pose, which `scene` knows."""
     truth = scene.truth()
     named = table.hypotheses[truth.hypothesis].name if table.hypotheses else None
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)

@@ -29,7 +29,7 @@ class Stroke(NamedTuple):
 def closing(
     node: Node, handling: Handling, calibration: Calibration, open_mm: float, timing: Timing
 ) -> list[Stroke]:
-    """The strokes, at least one, that close jaws standing `open_mm` apart; the last goes as far as they can.
+    """The strokes, at least one, that close jaws `open_mm` apart at a node; the last closes them fully.
 
     A regulated squeeze closes with the least force until contact; `raising` gives the forces after contact.
     """

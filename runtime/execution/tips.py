@@ -1,4 +1,4 @@
-"""The arc of the finger tips: their advance as the jaws close, and stages that keep them level.
+"""The arc of the finger tips: how far they advance as the jaws close, and stages that keep them level.
 
 The finger links of a 2F gripper are parallelograms: with link length L and offset c, at an opening w the tips
 stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85).
@@ -18,17 +18,18 @@ class TipArc:
     level_mm: float = 2.0  # tolerated height of the tips above their target between two stages
 
     def advance_mm(self, width_mm: float) -> float:
-        """How much nearer to the table the tips are than when the tool frame was taught."""
+        """How much nearer to the table, mm, the tips are at a width than when the tool frame was taught."""
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
-        """The largest `advance_mm` between two openings; the tips advance most at twice the offset."""
+        """The largest `advance_mm` at any opening between the two; it is greatest at twice the offset."""
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
-        """Openings between which the tips advance by no more than `level_mm`, in descending order.
+        """Intermediate openings for jaws that close from `widest_mm` to `least_mm`, in descending order.
 
-        The list excludes `widest_mm` and ends with `least_mm`.
+        From one opening to the next the tips advance by no more than `level_mm`. The list excludes
+        `widest_mm` and ends with `least_mm`.
         """
         top_mm = max(2.0 * self.offset_mm, least_mm)
         widths: list[float] = []

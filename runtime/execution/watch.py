@@ -20,7 +20,7 @@ Device = TypeVar("Device")
 
 
 class Expected(NamedTuple):
-    """Duration of a squeeze at the commanded speeds, by device, in seconds of the cell."""
+    """How long arm and gripper should take for a squeeze at the commanded speeds, in seconds of the cell."""
 
     arm_s: float
     gripper_s: float
@@ -32,15 +32,15 @@ class Expected(NamedTuple):
 
 
 def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
-    """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
+    """How long the longest possible squeeze at a node takes, with its pushes, in seconds of the cell.
 
-    The arm moves across the work area, turns once, and makes three vertical moves; the jaws make three full
-    strokes. Each push adds the same time once more, and the time of its path.
+    In such a squeeze the arm moves across the work area, turns once, and makes three vertical moves; the jaws
+    make three full strokes. Each push adds all this once more, and the time of its path.
 
     Args:
         table: states the work area, the gripper and the arm's timing.
         node: the node to squeeze at.
-        slowest_um_s: speed of a stroke, unless the squeeze is slower; None: the gripper's least speed.
+        slowest_um_s: assumed speed of the jaws, if the squeeze is not slower; None: the gripper's least.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
@@ -58,10 +58,10 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
 
 
 class Watch:
-    """Sums up the seconds of each device; in the context `squeeze` a call after the deadline raises.
+    """Sums up the seconds that each device takes, and raises when a squeeze exceeds its deadline.
 
-    The time from one call to the next counts for the device of the earlier call. Where stop requests are
-    handled, the deadline also ends a call under way, as a stop request does.
+    The time from one call to the next counts for the device of the earlier call. In the context `squeeze`, a
+    call after the deadline raises; where stop requests are handled, the deadline also interrupts a call.
     """
 
     def __init__(self, clock: SystemClock) -> None:

@@ -1,1 +1,1 @@
-"""The journal of a run: chain of records, replay, export."""
+"""The journal of runs: its chained records and files, their replay, statistics and export."""

@@ -3,9 +3,9 @@
 A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the
 line before. So a changed, missing or inserted line is detected.
 
-A record is on the disk when `Journal.record` returns. A run begins with a `header` that embeds the table, so
-that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
-broke off. Between the two are records of these kinds:
+A record is on the disk when `Journal.record` returns. A run begins with a record of kind `header`, which
+embeds the table: the file alone is enough to check every decision. A run ends with a record of kind `end`; a
+run without it broke off. Between the two are records of these kinds:
 
 - for each part `part`; `turned` if its plan was turned; `pushing` if a push precedes a squeeze; `placed` and
   `squeeze` for each squeeze; `audit` and `delivery` where there is one; `outcome`; and `truth`, the true pose
@@ -16,9 +16,9 @@ broke off. Between the two are records of these kinds:
 - in a run without parts `put_down`;
 - anywhere `link`, a retry or a failure of the communication with the gripper.
 
-A long file ends, between two parts, with a record of kind `seal`, and the chain continues in a new file,
-which begins with the run's header again and the number `after_part` of the last part. So the latest file is
-enough to know the state of the last run, however long the journal is.
+A long file is ended between two parts with a record of kind `seal`. The chain continues in a new file, which
+begins with the run's header again, extended by `after_part`, the number of the last part. So the latest file
+is enough to know the state of the last run, however long the journal is.
 """
 
 import base64
@@ -44,15 +44,15 @@ MOST_INCIDENTS = 1000
 
 
 class Journal:
-    """A journal being written. An existing one is verified from its last seal on and continued.
+    """A journal being written. An existing journal is verified from its last seal on, and continued.
 
-    An incomplete last line is cut off: its record never returned, so nothing was done because of it. A file
-    with any other content is left unchanged.
+    An incomplete last line is cut off: `record` never returned for it, so nothing was done because of it. A
+    file with any other fault is left unchanged.
 
-    Before each record the file is compared with what was written. If it was removed, renamed, replaced or
-    truncated, the record is refused, since the next run might not see it. The records of the file, unless it
-    was truncated, and all later ones are then kept in `files.broken_of`, and no run continues the journal
-    before they are put back.
+    Before each record the place and the length of the file are checked. If the file was removed, renamed,
+    replaced, truncated or extended, the record is refused, since the next run might not see it. All later
+    records are then kept in another file, `files.broken_of`, together with the earlier ones unless these were
+    truncated. No run continues the journal before they are put back.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class Journal:
         uptime: Callable[[], Mapping[str, object]] = dict,
         segment_bytes: int = SEGMENT_BYTES,
     ) -> None:
-        """Creates the file, or verifies it and continues at its end.
+        """Opens and locks the file for writing; a missing file is created, an existing one verified.
 
         Args:
             path: the file.
-            stamp: returns the date of a record: `SystemClock.stamp`.
-            uptime: returns the time of a record by a clock that cannot be set: `SystemClock.uptime`.
-            segment_bytes: length from which the file is sealed, its first record not counted.
+            stamp: returns the present date, for a record: `SystemClock.stamp`.
+            uptime: returns the present time by a clock that nobody can set: `SystemClock.uptime`.
+            segment_bytes: length at which the file is sealed, its first record not counted.
 
         Raises:
             JournalError: the file cannot be opened, another process writes it, or its content does not
@@ -112,7 +112,14 @@ class Journal:
         return end
 
     def _remember(self, entry: Entry, size: int) -> None:
-        """Updates header, `last_part` and the length for sealing by a record of an existing file."""
+        """Derives from one record of an existing file what the journal must know to continue the file.
+
+        Updates the run's header, the records `last_part`, and the length at which the file is sealed.
+
+        Args:
+            entry: the record.
+            size: length of the file up to the end of the record.
+        """
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
@@ -124,11 +131,11 @@ class Journal:
             self.last_part.append(entry)
 
     def now(self) -> dict[str, object]:
-        """The fields `time`, `boot` and `up_s` of a record written now."""
+        """The fields `time`, `boot` and `up_s` that a record written now would have."""
         return {"time": self.stamp(), **self.uptime()}
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
-        """Writes the first record: the table's bytes and their digest, and the other fields of the run.
+        """Writes the first record of a run: the table's bytes, their digest, and the run's other fields.
 
         Raises:
             JournalError: the record cannot be written.
@@ -144,8 +151,8 @@ class Journal:
         """Appends one record and writes it to the disk.
 
         Raises:
-            JournalError: the record cannot be written: full disk, lost mount, closed journal, a file moved or
-                truncated.
+            JournalError: the record cannot be written: the disk is full or gone, the journal is closed, or
+                the file was moved or changed.
             ValueError: a field has a reserved name, or holds a number that JSON cannot represent.
         """
         if clash := RESERVED & fields.keys():
@@ -162,7 +169,7 @@ class Journal:
         self._append(kind, fields)
 
     def _check(self) -> None:
-        """Checks that the file is still at its place, with the content that was written.
+        """Checks that the file is still at its place, with the length that was written.
 
         Raises:
             JournalError: the file was moved or changed, or an earlier record could not be written.
@@ -224,7 +231,7 @@ class Journal:
         return sealed(json.dumps(entry, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
     def _rotate(self, header: Mapping[str, object]) -> None:
-        """Ends the file with a seal, keeps it as a segment, and starts a new file with the given header."""
+        """Seals the file, which becomes a segment, and starts a new file with the fields of a header."""
         with interrupts.whole():
             number = self._end.segments + 1
             self._append("seal", {"segment": number})
@@ -240,7 +247,7 @@ class Journal:
             self._full_bytes = len(line) + self._segment_bytes
 
     def _take_back(self) -> None:
-        """Truncates the file to its counted records, after a write that failed or was interrupted."""
+        """Truncates the file to its complete records, after a write that failed or was interrupted."""
         with contextlib.suppress(OSError):
             if os.fstat(self._file).st_size > self._end.size:
                 os.ftruncate(self._file, self._end.size)
@@ -259,9 +266,10 @@ class Journal:
 
 
 class Incidents:
-    """Retries and failures on the drivers' links, kept until a journal exists.
+    """Collects the retries and failures of the drivers' links until there is a journal to write them to.
 
-    Incidents may occur before the journal is begun, since a run that is refused leaves no journal.
+    Such incidents may occur before the journal is begun: a run that is refused leaves no journal. Until then
+    the first `MOST_INCIDENTS` are kept.
     """
 
     def __init__(self) -> None:
@@ -284,7 +292,7 @@ class Incidents:
 
 
 def verify(path: Path) -> Verified:
-    """Checks that every line of a journal is complete, numbered and chained, and every table intact.
+    """Checks that all lines of a journal are complete, numbered and chained, and that its tables are intact.
 
     Returns:
         The state of the journal after its last line.

@@ -1,4 +1,4 @@
-"""Export of a journal as a table for statistics: one row for each squeeze, with the outcome of its part."""
+"""Export of a journal as CSV: one row for each squeeze, with the outcome of the squeezed part."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,7 +31,7 @@ Row = dict[str, object]
 def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     """Yields one row for each squeeze of a journal, in order.
 
-    The columns named in `PART`, which describe the part's end, are None for a part without an outcome.
+    The columns named in `PART` describe how the part ended; they are None for a part without an outcome.
     """
     run, table, part = 0, "", []
     for entry in entries:
@@ -56,7 +56,7 @@ def write_rows(
     Args:
         rows: the rows.
         path: the file.
-        option: the option that named the file.
+        option: the command-line option that named the file, for a message.
         columns: names of the columns, in order.
 
     Raises:
@@ -76,6 +76,6 @@ def write_rows(
 
 
 def scaled(source: str, value: object) -> object:
-    """Converts the value of the record's field `source`: um to mm, urad to rad, others unchanged."""
+    """Converts the value of a record's field, named `source`: um to mm, urad to rad, others unchanged."""
     unit = UNITS.get(source.rpartition("_")[2])
     return value / unit[1] if unit is not None and isinstance(value, int) else value

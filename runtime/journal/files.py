@@ -1,9 +1,9 @@
-"""Files of a journal: the one being written, its sealed segments, and the files of a half-done rotation.
+"""Files of a journal: the file being written, the sealed segments, and the rotation from one to the next.
 
-Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest
-records. A rotation writes the new segment as `J.next`, renames `J`, then renames `J.next`: at any moment
-the latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run
-whose journal was moved or truncated during the run.
+Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself, the current file,
+holds the latest records. A rotation writes the new file as `J.next`, renames `J` to the next segment, then
+renames `J.next` to `J`. So at any moment the latest records are in `J`, or in `J.next` where there is no `J`.
+`J.broken` keeps the records of a run whose journal was moved or truncated during the run.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ MOST_SEAL_BYTES = 4096
 
 
 def next_of(path: Path) -> Path:
-    """Path of the new file, `J.next`, that a rotation writes before it takes the place of the journal `J`."""
+    """Path of `J.next`, the new file that a rotation writes and then renames to the journal `J`."""
     return path.with_name(f"{path.name}.next")
 
 
@@ -64,10 +64,10 @@ def check_whole(path: Path) -> list[Path]:
 
 
 def start_of(path: Path) -> Verified:
-    """State of a journal before the first record of its own file, read from the last segment's seal.
+    """State of a journal before the first record of its current file, by the seal of the last segment.
 
     Raises:
-        JournalError: a segment is missing, or the last one does not end with its seal.
+        JournalError: a segment is missing, or the last segment does not end with a seal.
     """
     sealed = check_whole(path)
     if not sealed:
@@ -85,16 +85,16 @@ def start_of(path: Path) -> Verified:
 
 
 def claim(path: Path) -> int:
-    """Opens and locks a journal's own file, without following a symbolic link.
+    """Opens and locks the current file of a journal, without following a symbolic link.
 
-    Creates a missing file, and completes a rotation that a crash interrupted.
+    Creates the file if it is missing, and completes a rotation that a crash interrupted.
 
     Returns:
         The file's descriptor.
 
     Raises:
-        JournalError: the file is not regular, it is a segment, another process writes it, or it is missing
-            although its segments exist.
+        JournalError: the file is not regular, is a segment, is written by another process, or is missing
+            although there are sealed segments.
         OSError: the file cannot be opened.
     """
     check_whole(path)
@@ -161,7 +161,7 @@ def _check_regular(path: Path, mode: int) -> None:
 
 
 def displacement(path: Path, file: int, size: int) -> str:
-    """What happened to an open file, as text for a message; "" if it is still at `path` with `size` bytes."""
+    """States what happened to an open file; "" if it is still at `path` and has `size` bytes."""
     opened = os.fstat(file)
     try:
         there = path.lstat()
@@ -198,10 +198,10 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
 
 
 def rotate(path: Path, file: int, number: int, line: bytes) -> int:
-    """Seals a journal's own file as the segment `number`, and starts the next one with a line.
+    """Renames the current file of a journal to the segment `number`, and starts a new file with a line.
 
     Returns:
-        The new file's descriptor, locked; the old one stays open.
+        The new file's descriptor, locked; the descriptor of the old file stays open.
 
     Raises:
         OSError: a file cannot be written. The next opening of the journal completes a half-done rotation.
@@ -223,6 +223,6 @@ def rotate(path: Path, file: int, number: int, line: bytes) -> int:
 
 
 def write_all(file: int, data: bytes) -> None:
-    """Writes all of the data, in as many pieces as needed."""
+    """Writes all of the data to a descriptor, which may take several calls."""
     while data:
         data = data[os.write(file, data) :]

@@ -1,8 +1,8 @@
 """Log of what was installed in a cell, and when: a journal beside the runs' journal.
 
-Each header embeds a table, with its calibration, versions and signature. A run adds a header only if anything
-differs from the last header. The log has the chain, locks and segments of a journal, and `grasp-journal`
-reads it.
+Each entry is a header that embeds a table, and states calibration, versions and signature. A run adds an
+entry only if something differs from the last entry. The log has the chain, locks and segments of a journal,
+and `grasp-journal` reads it.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ def log_of(journal: Path) -> Path:
 
 
 def note(journal: Journal, table: bytes, fields: Mapping[str, object]) -> bool:
-    """Adds an entry with what a run uses to the log, unless it equals the last; returns whether it was added.
+    """Logs what a run uses, unless the log's last entry states the same; returns whether an entry was added.
 
     Args:
         journal: the run's journal; the log is in the file `log_of`, and uses the journal's clocks.

@@ -26,10 +26,10 @@ class Verified(NamedTuple):
 
     head: str = GENESIS  # digest of the last record, which the next one has to hold
     records: int = 0  # number of records
-    size: int = 0  # length of the records in the journal's own file, bytes
+    size: int = 0  # length of the records in the journal's current file, bytes
     runs: int = 0  # number of runs, each begun by a header
     closed: bool = True  # whether the last run wrote its last record
-    segments: int = 0  # number of sealed segments before the journal's own file
+    segments: int = 0  # number of sealed segments before the journal's current file
 
     def after(self, entry: Entry, length: int) -> "Verified":
         """The state after one more record, whose line has `length` bytes."""
@@ -43,12 +43,12 @@ class Verified(NamedTuple):
 
 
 def content_of(entry: Entry) -> dict[str, object]:
-    """The fields of a record, except the fields that records of every kind have."""
+    """The fields of a record without those that every record has, such as `seq` and `time`."""
     return {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
 
 
 def begins_run(entry: Entry) -> bool:
-    """Whether a record begins a run; the header of a segment within a run does not."""
+    """Whether a record begins a run: it is a header, but not one that continues a run in a new file."""
     return entry["kind"] == "header" and "after_part" not in entry
 
 
@@ -58,10 +58,10 @@ def follow(
     """Yields the records of an open file, each with the state of the journal after it.
 
     Args:
-        path: the file's name.
+        path: the file's name, for errors.
         file: the file, at its beginning.
-        seen: state of the journal before the file.
-        torn: whether the file may end with an incomplete record, which is left out.
+        seen: state of the journal before the file's first record.
+        torn: whether the file may end with an incomplete record, which is then left out.
 
     Raises:
         JournalError: a line does not verify; the message names the first one.
@@ -78,7 +78,10 @@ def follow(
 
 
 def is_begun(line: bytes, seq: int) -> bool:
-    """Whether a line may be a record cut short by a crash; a file system may fill its end with zeros."""
+    """Whether a line may be the beginning of a record that a crash cut short.
+
+    A file system may have filled the end of the line with zero bytes. `seq` is the expected sequence number.
+    """
     opening = OPENING + b'%d,"time":"' % seq
     if line.endswith(b"\n"):
         return False

@@ -1,7 +1,7 @@
-"""Replay of a journal: derives its decisions again, record by record, from readings and embedded tables.
+"""Replay of a journal: derives every decision again, from the recorded readings and the embedded tables.
 
-A replay drives the same program of a part (`traversal.program`) as the executor. So a resumed run continues
-where the replay says that the part stood, and the replay reports records that contradict it.
+A replay runs the same program for a part (`traversal.program`) as the executor. It reports records that
+contradict the program, and a resumed run continues where the replay ends.
 """
 
 import base64
@@ -37,7 +37,7 @@ class Finding(NamedTuple):
 
 
 class Replay:
-    """State of a journal's latest run after the records that were followed so far."""
+    """Follows the records of a journal; its attributes are the state of the latest run so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None
@@ -115,7 +115,7 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields in which ways a record's part and node differ from those that the replay has reached."""
+        """Yields a sentence if a record names another part than the current one, and one for another node."""
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

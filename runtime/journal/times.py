@@ -1,4 +1,4 @@
-"""Statistics of the time that a journal's parts took: mean of each phase, and distribution of the total."""
+"""Statistics of how long the parts of a journal took: mean of each phase, and distribution of the total."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -10,7 +10,7 @@ from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 
 
 class Times(NamedTuple):
-    """Statistics of the time that the parts of a journal took."""
+    """Statistics of how long the parts of a journal took."""
 
     parts: int  # number of parts with an outcome and seconds
     squeezes: int
@@ -18,7 +18,7 @@ class Times(NamedTuple):
     figures: dict[str, float]  # from `runtime.table.takt`; empty without a part
 
     def fields(self) -> dict[str, object]:
-        """Converts the object to JSON types."""
+        """The statistics as fields of a JSON object."""
         return {
             "parts": self.parts,
             "squeezes": self.squeezes,
@@ -44,7 +44,9 @@ class Times(NamedTuple):
 
 
 def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
-    """Computes the statistics from the records of outcomes; records without seconds are skipped.
+    """Computes the statistics from a journal's records of outcomes; those without seconds are skipped.
+
+    `takt_s` is the time within which a part should be done, if there is one.
 
     Raises:
         ValueError: a record's seconds are invalid.

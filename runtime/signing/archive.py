@@ -1,9 +1,10 @@
 """Zip archives with fully prescribed bytes: the container of a pack.
 
-Members are stored, dated 1980-01-01, with mode 0644, one after the other; the directory lists them in the
-same order, and the comment at the end is an Ed25519 signature of all bytes before it. So a reader that
-rewrites the members and compares them detects each changed byte and its member, and `tail -c 64` extracts
-the signature for OpenSSL. Any zip program opens it (APPNOTE.TXT 6.3.10, sections 4.3 and 4.4).
+The members follow one another, not compressed, dated 1980-01-01, with mode 0644; the zip's directory lists
+them in the same order. The comment at the end is an Ed25519 signature of all bytes before it: `tail -c 64`
+extracts the signature for OpenSSL. A reader builds the archive anew from its members and compares the bytes,
+so that it detects each changed byte, and the member that was changed. Any zip program opens the archive
+(APPNOTE.TXT 6.3.10, sections 4.3 and 4.4).
 """
 
 import struct
@@ -23,20 +24,22 @@ _SIZE_AT = 18  # of a member's stored size in its local header
 
 
 def unsigned(members: Mapping[str, bytes]) -> bytes:
-    """The bytes of an archive up to the signature.
+    """Builds the bytes of an archive up to its signature, which the caller appends.
 
     Args:
-        members: contents by name in ASCII, in the order of storage.
+        members: contents of the members by name (ASCII), in the order of the archive.
     """
     entries = b"".join(_local(name, content) + content for name, content in members.items())
     return entries + _directory(members)
 
 
 def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
-    """The members of an archive, whose bytes before the signature must be the bytes that `unsigned` returns.
+    """Reads the members of an archive; the signature is not checked.
+
+    The bytes before the signature must be those that `unsigned` returns for these members.
 
     Args:
-        data: the file.
+        data: the bytes of the archive.
         names: allowed names of members.
 
     Raises:
@@ -80,7 +83,7 @@ def _local(name: str, content: bytes) -> bytes:
 
 
 def _described(name: str, content: bytes) -> bytes:
-    """The fields that a member's header and its line of the directory share."""
+    """The bytes that describe a member, equal in its header and in the zip's directory."""
     flags, time, extra = 0, 0, 0
     size = len(content)
     fields = (flags, _STORED, time, _DATE, zlib.crc32(content), size, size, len(name), extra)

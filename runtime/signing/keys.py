@@ -28,7 +28,7 @@ OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """A public key; equal objects are the same key."""
+    """A public key; two objects are equal if they are the same key."""
 
     raw: bytes  # 32 bytes
 
@@ -44,7 +44,7 @@ class PublicKey:
         return b"-----BEGIN PUBLIC KEY-----\n" + text + b"\n-----END PUBLIC KEY-----\n"
 
     def signed(self, data: bytes, signature: bytes) -> bool:
-        """Whether a signature of some data is by this key."""
+        """Whether `signature` is a signature of `data` by this key."""
         from cryptography.exceptions import InvalidSignature
 
         try:
@@ -66,17 +66,17 @@ class SigningKey:
         return _public(self.private.public_key())
 
     def sign(self, data: bytes) -> bytes:
-        """The signature of some data, 64 bytes."""
+        """Signs data; returns the signature, 64 bytes."""
         return self.private.sign(data)
 
 
 def public_of(path: Path) -> Path:
-    """Path of the public key, beside the private key's file."""
+    """Path of the public key's file, beside the private key's file `path`."""
     return path.with_name(f"{path.name}.pub")
 
 
 def generate(path: Path) -> SigningKey:
-    """Creates a key: the private one in a file of mode 0600, the public one beside it.
+    """Creates a key, and writes two files: the private key with mode 0600, and beside it the public key.
 
     Raises:
         OutputError: one of the files exists or cannot be written; neither is left behind.
@@ -144,7 +144,7 @@ def load_public(path: Path) -> PublicKey:
 
 
 def parse_public(data: bytes) -> PublicKey:
-    """The public key in a PEM file's bytes.
+    """Parses the public key in the bytes of a PEM file.
 
     Raises:
         ValueError: the bytes hold no public key, or one of another kind than Ed25519.
@@ -163,7 +163,7 @@ def parse_public(data: bytes) -> PublicKey:
 
 
 def _ed25519() -> Any:
-    """The library's module with the classes of keys.
+    """Imports the module of the library `cryptography` that has the classes of Ed25519 keys.
 
     Raises:
         UsageError: the extra for signatures is missing.
@@ -189,7 +189,7 @@ def _private_pem(key: "ed25519.Ed25519PrivateKey") -> bytes:
 
 
 def _kind(key: object) -> str:
-    """Kind of a key object of the library, as "an RSA key"."""
+    """What kind of key an object of the library is, for a message: "an RSA key" for instance."""
     name = type(key).__name__.removesuffix("PrivateKey").removesuffix("PublicKey").strip("_")
     return f"{'an' if name[:1] in 'AEIORSX' else 'a'} {name} key"
 

@@ -1,7 +1,8 @@
 """A signed pack: table, calibration, job, versions and digests in one zip archive.
 
-`manifest.json` names the signer and the SHA-256 of each other member; the archive's comment is the signature
-of all bytes before it, so that the pack is one file and OpenSSL alone can check it (tools/docs/evidence.md).
+`manifest.json` states the signer, and the SHA-256 of each other member. The archive's comment is the
+signature of all bytes before it: so the pack is one file, which OpenSSL alone can check
+(tools/docs/evidence.md).
 """
 
 import hashlib
@@ -34,7 +35,7 @@ MOST_BYTES = 16 << 20
 
 @dataclass(frozen=True, slots=True)
 class Pack:
-    """A pack with a valid signature."""
+    """The content of a pack whose signature was checked and is valid."""
 
     members: Mapping[str, bytes]  # contents by name, the manifest first
     manifest: Mapping[str, Any]  # the manifest
@@ -91,8 +92,8 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
     Args:
         data: the bytes of its file.
-        trusted: the key that must have signed the pack; None takes the key in the pack, which proves that
-            nothing was changed, but not who signed it.
+        trusted: the key that must have signed the pack. None: the key in the pack itself; the check then
+            shows that nothing was changed, but not who signed.
 
     Raises:
         PackError: the pack was changed, or signed by another key; the message says which.
@@ -121,7 +122,7 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
 
 def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: PublicKey) -> Pack:
-    """Finds the pack beside a table's file that covers the software of a run.
+    """Finds a signed pack beside a table's file that contains the table and the calibration of a run.
 
     Args:
         tree: the table's file; packs are looked for in its folder, as `*.zip`.
@@ -130,7 +131,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
         trusted: the key that must have signed.
 
     Raises:
-        PackError: no pack covers table and calibration; the message says for each pack why it does not.
+        PackError: there is no such pack; the message says for each pack why it is not.
         UsageError: the extra for signatures is not installed.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}

@@ -1,6 +1,6 @@
-"""The decision table: records, look-up, goal, file, validation, times. `TABLE.md` specifies the file.
+"""The decision table: its records, file, validation, look-up, goal and times. `TABLE.md` specifies the file.
 
-Planner and camera use tables through the names imported below, not through the modules.
+Planner and camera import from this package, not from its modules.
 
 ```
 dump(table, path)             # validates it, writes it whole or not at all
@@ -101,7 +101,7 @@ def dumps(table: Table) -> bytes:
 
 
 def loads(data: bytes) -> Table:
-    """The table in a file's bytes, decoded and validated.
+    """Decodes and validates the table in the bytes of a file.
 
     Raises:
         TableError: the bytes are not exactly the bytes that `dumps` writes for a valid table.

@@ -1,7 +1,7 @@
 """Comparison of a table with the job inside it, for all values that both state.
 
-Values that the job omits are not compared. Figures of the evaluation have no counterpart in a job; `evidence`
-checks them.
+Values that the job omits are not compared. The figures of the evaluation are not in a job; `evidence` checks
+them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ UM = 1e3  # um in a mm, mN in a N, um/s in a mm/s
 
 
 def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
-    """Checks a table against the job inside it.
+    """Checks that a table agrees with the job inside it.
 
     Raises:
         TableError: the job contradicts a value of the table; the message names the first one.
@@ -35,7 +35,7 @@ def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
     validate_grips(table, job)
 
 
-# A figure's name, the table's value, the job's value.
+# For each compared value: its name, the table's value, the job's value.
 Compared = Iterator[tuple[str, object, object]]
 
 
@@ -86,7 +86,10 @@ def _goal(table: Table, stated: Section) -> Compared:
 
 
 def _parts(table: Table, job: Section) -> Compared:
-    """Compares number, names, shares, symmetry and rho of the parts that the cell may meet."""
+    """Yields the values of the parts to compare: their number, names, shares, symmetry and rho.
+
+    Each is a triple of a name, the table's value and the job's value.
+    """
     parts = parts_of(job)
     if not parts:
         return
@@ -106,7 +109,10 @@ def _parts(table: Table, job: Section) -> Compared:
 
 
 def _squeezes(table: Table, job: Section) -> Compared:
-    """Compares speed and force of the squeezes, and whether pushes are allowed."""
+    """Yields the values of the squeezes to compare: speed and force, and whether pushes are allowed.
+
+    Each is a triple of a name, the table's value and the job's value.
+    """
     gripper, actions = section(job, "gripper"), section(job, "actions")
     for field, key in (("speed_um_s", "speed_mm_s"), ("force_mn", "force_n")):
         wanted = sorted({round(UM * value) for value in numbers(gripper, key)})
@@ -120,7 +126,10 @@ def _squeezes(table: Table, job: Section) -> Compared:
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
-    """Compares an integer of the table with a number of the job, multiplied by `scale`."""
+    """Yields an integer of the table and the job's number, multiplied by `scale`, to be compared.
+
+    They come as one triple: name, table's value, job's value. Nothing is yielded if the job lacks the number.
+    """
     wanted = number(stated, key)
     if wanted is not None:
         yield name, value, round(scale * wanted)

@@ -42,7 +42,7 @@ def encode(table: Table) -> bytes:
 
 
 def names_table(data: bytes) -> bool:
-    """Whether data begins like a table's file, of whatever format version; the rest may be damaged."""
+    """Whether data begins like the file of a table, of any format version; what follows is not checked."""
     return MAGIC.encode() in data[:BEGINNING]
 
 
@@ -117,7 +117,11 @@ def _packed(table: Table) -> bytes:
 
 
 def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Records:
-    """Builds the records of a section from decoded values; empty if the section is absent.
+    """Builds the records of a section from decoded values.
+
+    Returns:
+        Pairs of the owner's index (without an owner, the record's index) and the record; empty if the section
+        is absent.
 
     Raises:
         TableError: a field is missing, or a value is not of its field's type.
@@ -151,9 +155,9 @@ def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Recor
 
 
 def _nested(columns: Mapping[str, tuple[Any, ...]]) -> dict[str, Iterable[Any]]:
-    """Groups the columns by attribute of a record.
+    """Combines the columns of nested records, so that one column is left for each attribute of a record.
 
-    Columns `name.x`, `name.y` of a nested record become one column `name` of such records.
+    The columns `place.x` and `place.y`, for instance, become one column `place`, of records with x and y.
     """
     result: dict[str, Iterable[Any]] = {}
     for outer, names in groupby(columns, lambda name: name.partition(".")[0]):

@@ -1,6 +1,6 @@
-"""The job inside a table: its sections, numbers and outlines, any of which may be missing.
+"""Reads the job inside a table: its sections, numbers and outlines, any of which may be missing.
 
-All functions that read a job raise `TableError` for a value of a wrong type.
+All functions raise `TableError` for a value of a wrong type.
 """
 
 import hashlib
@@ -48,9 +48,9 @@ def section(job: Section, name: str) -> Section:
 
 
 def parts_of(job: Section) -> list[Section]:
-    """The entries of a job that hold the sections of one part each: its hypotheses, or the job itself.
+    """The parts that a job states, each as a dictionary with the sections of that part.
 
-    Empty where the job states no part.
+    These are the job's hypotheses or, for a single part, the job itself. Empty where the job states no part.
     """
     listed = job.get("hypothesis") or ([job] if "part" in job else [])
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
@@ -65,7 +65,7 @@ def number(table: Section, key: str) -> float | None:
 
 
 def numbers(table: Section, *keys: str) -> list[float]:
-    """The numbers under some keys, single or in lists; missing ones are skipped."""
+    """All numbers under some keys of a section; each key has one number or a list, or is missing."""
     results: list[float] = []
     for key in keys:
         value = table.get(key)

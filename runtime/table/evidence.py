@@ -1,6 +1,6 @@
 """Statistics of a table's figures: intervals and tests of shares, and consistency of the figures.
 
-A figure cannot be checked without an evaluation, but figures of one run constrain one another.
+Whether a figure is right, only another evaluation can show; but the figures of one evaluation must agree.
 """
 
 from math import erfc, exp, log, sqrt
@@ -17,7 +17,7 @@ MOST_EXACT_TRIALS = PPM // 2
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """The 95 % score interval of a share (Wilson 1927); [0, 1] without trials."""
+    """The 95 % confidence interval of a share of successes (Wilson 1927); [0, 1] without trials."""
     if trials == 0:
         return 0.0, 1.0
     share, z2 = successes / trials, Z95**2
@@ -30,9 +30,14 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> bool:
     """Whether trials refute a success probability of at least `confidence`, at the 2.5 % level.
 
-    Exact binomial test (Clopper and Pearson 1934) for few misses; the score test (Wilson 1927) for many,
-    where the two agree. Of many leaves one in forty would be refuted by chance: with `leaves` the level
-    holds for all of them together (Bonferroni).
+    The test is the exact binomial test (Clopper and Pearson 1934) for few misses, and the score test (Wilson
+    1927) for many.
+
+    Args:
+        successes: number of trials that succeeded.
+        trials: number of trials.
+        confidence: the probability to refute.
+        leaves: number of leaves that are tested; the 2.5 % hold for all of them together (Bonferroni).
     """
     level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
@@ -54,9 +59,10 @@ def successes_of(leaf: Leaf) -> int:
 def validate_figures(table: Table) -> None:
     """Checks that the figures of a table can come from one evaluation.
 
-    A leaf's success must be a share of whole trials. A quantile of the leaf's errors, such as the median,
-    must not exceed the goal's distance if that share of the trials met the goal. The whole table must not
-    have more successes than its leaves, and its shares of success and REJECT must not exceed 1 together.
+    A leaf's success must be a whole number of trials. If more than half of a leaf's trials met the goal, the
+    median of the leaf's errors must not exceed the goal's distance; likewise for the 95th percentile. The
+    whole table must not have more successes than its leaves have together, and its shares of success and
+    REJECT must not exceed 1 together.
 
     Raises:
         TableError: a figure contradicts the others; the message names the figure or its leaf.
@@ -88,7 +94,7 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Checks that success and REJECT do not exceed 1 together, and that the mean squeezes fit the tree."""
+    """Checks that success and REJECT together are 1 at most, and that the tree allows the mean squeezes."""
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
     if predicted.success_ppm > most_ppm:
@@ -105,7 +111,7 @@ def _validate_predicted(table: Table) -> None:
 
 
 def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
-    """Checks that a leaf's median and 95th percentile of errors agree with its number of successes."""
+    """Checks that the median and the 95th percentile of a leaf's errors agree with its successes."""
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)

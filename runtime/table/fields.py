@@ -1,6 +1,6 @@
-"""Fields of the records of a table: their meaning and range, as annotations of the records in `model`.
+"""Fields of a table's records: the meaning and the range of each value, as annotations in `model`.
 
-A bound given as text is the name of a value of the table, `limits.max_depth` for instance.
+A bound that is a text names another value of the table, such as `limits.max_depth`.
 """
 
 from operator import attrgetter
@@ -37,7 +37,7 @@ class Field(NamedTuple):
 
 
 def fields_of(record: Any, *only: str) -> tuple[Field, ...]:
-    """The fields that annotate a record's class and the nested records, in order.
+    """The fields that annotate the class of a record, and the classes of its nested records, in order.
 
     Args:
         record: the class.

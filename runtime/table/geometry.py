@@ -16,9 +16,9 @@ def pose_text(pose: Pose2) -> str:
 
 
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
-    """Pose of the hand in the world, mm, mm, rad, at which it comes down for an action.
+    """Pose of the hand in the world, mm, mm, rad, at which it comes down for a squeeze or a push.
 
-    With `released`, the pose at which the hand releases the part after the action.
+    With `released`, the place to which the hand drags the part: the pose at which it releases the part there.
     """
     place = released or action
     return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6
@@ -66,7 +66,7 @@ def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: floa
 def from_segment(
     point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
 ) -> float:
-    """The distance of a point from a segment."""
+    """The distance of a point from the straight segment between `start` and `end`, in their unit."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     px, py = point[0] - start[0], point[1] - start[1]
     along = (px * dx + py * dy) / max(dx * dx + dy * dy, 1e-18)
@@ -75,7 +75,7 @@ def from_segment(
 
 
 def gyration_mm(outline: Outline) -> float:
-    """The radius of gyration about the origin of the area in an outline; 0 without area."""
+    """The radius of gyration, mm, about the origin, of the area inside an outline; 0 for an empty area."""
     crosses, moments = [], []
     for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
         cross = x0 * y1 - x1 * y0

@@ -17,18 +17,18 @@ def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
 
 
 def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
-    """The hypothesis of each pose that `poses_of` returns."""
+    """For each pose that `poses_of` returns, the index of the hypothesis to which it belongs."""
     return tuple(pose.hypothesis for pose in _allowed(goal, leaf))
 
 
 def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
-    """True minus predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
+    """True pose minus predicted pose, mm, mm, rad; the angle is the smallest that the symmetry allows."""
     turn = remainder(true[2] - predicted[2], tau / goal.symmetry)
     return true[0] - predicted[0], true[1] - predicted[1], turn
 
 
 def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """sqrt(dx^2 + dy^2) + rho * dtheta in mm (eq. 9) of poses in mm, mm, rad, for any kind of goal."""
+    """Error of a predicted pose, mm (eq. 9): sqrt(dx^2 + dy^2) + rho * abs(dtheta), for any kind of goal."""
     x, y, turn = residual(goal, predicted, true)
     return hypot(x, y) + goal.rho_um / 1e3 * abs(turn)
 
@@ -49,7 +49,10 @@ def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def threshold(goal: GoalSpec) -> float:
-    """The limit that `distance` must stay below: the goal's distance in mm for "pose" and "modes", else 1."""
+    """The limit of `distance` below which a goal is met.
+
+    It is `distance_um`, in mm, for the kinds "pose" and "modes", and 1 for all others.
+    """
     return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
 
 

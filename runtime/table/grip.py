@@ -1,9 +1,11 @@
 """Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
-A held part touches both jaws. So its outline, at the leaf's pose, must reach the faces of both fingers
-between their ends, and the part must not reach to just behind a face, where the finger stands. Both are
-checked with an allowance for the leaf's error and for the uncertainties (doubts) that the job states. The
-part may continue farther behind a face: the finger may stand in a slot.
+A held part touches both fingers and does not overlap them. So two things are checked of the outline at the
+leaf's pose, with an allowance for the leaf's error and for the uncertainties (doubts) that the job states:
+
+- the outline reaches the faces of both fingers, between the ends of the fingers;
+- no part of it lies just behind a face, where the finger is. It may continue farther behind the face: the
+  finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -36,7 +38,7 @@ class Shape(NamedTuple):
 
 
 class Slack(NamedTuple):
-    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 if there are none."""
+    """Largest errors of hand and jaws that the uncertainties (doubts) in the job allow; 0 without any."""
 
     place_mm: float
     turn_rad: float
@@ -57,10 +59,13 @@ class Grip(NamedTuple):
 
 
 def validate_grips(table: Table, job: Section) -> None:
-    """Checks the first squeeze, and each resolved leaf after a grip, against the outline in the job.
+    """Checks the squeezes of a table against the outlines of the parts in the job.
+
+    The first squeeze must be able to touch a part. At each resolved leaf after a squeeze that holds a part,
+    the jaws must be able to hold the part at the leaf's pose.
 
     Raises:
-        TableError: the first squeeze touches no part, or the jaws could not hold the part at a leaf's pose;
+        TableError: the first squeeze can touch no part, or the jaws could not hold the part at a leaf's pose;
             the message names the first such leaf.
     """
     if not (shapes := _shapes(table, job)):
@@ -77,7 +82,7 @@ def validate_grips(table: Table, job: Section) -> None:
 def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
     """Yields the resolved leaves at whose pose the jaws could not hold the part.
 
-    Each is a pair of indices: of the leaf, and of the node of the last squeeze before it.
+    Yields pairs of two indices: the leaf's, and that of the node of the last squeeze before the leaf.
     """
     shapes, slack = _shapes(table, job), _slack(job)
     for index, node, branch, leaf in _grips(table) if shapes else ():
@@ -113,7 +118,10 @@ def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -
 
 
 def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
-    """Yields the index of a node, the node, a branch that is a grip, and the resolved leaf it leads to."""
+    """Yields each branch of the table at which the jaws hold a part and that leads to a resolved leaf.
+
+    Yields the index of the node, the node, the branch, and the leaf.
+    """
     for index, node in enumerate(table.nodes):
         for branch in node.branches:
             held = branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM
@@ -122,9 +130,10 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
-    """Allowed error (eq. 9) of a leaf's pose, mm: its trials' median or, without trials, the goal's distance.
+    """Error (eq. 9), mm, to allow for at a leaf's pose: the median of the trials that ended at the leaf.
 
-    The error is infinite without trials if the goal does not bound the position.
+    Without trials it is the largest error that the goal allows: infinite if the goal does not bound the
+    position.
     """
     if leaf.trials:
         return leaf.error_median_um / 1e3
@@ -157,7 +166,7 @@ def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) 
 
 
 def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
-    """Whether a part at a pose lies between the jaws, given an error of the pose (eq. 9)."""
+    """Whether a part may lie between the jaws, if its pose is wrong by `error_mm` (eq. 9) at most."""
     off = grip.off + shape.coarse + error_mm * max(1.0, shape.reach / max(shape.rho, 1e-9))
     outline = _in_hand(shape.outline, pose, grip.hand)
     low, high = _extent(outline, grip.half_length + off)
@@ -194,7 +203,7 @@ def _extent(outline: Outline, half: float) -> tuple[float, float]:
 
 
 def _blocks(outline: Outline, y: float, half: float) -> bool:
-    """Whether the inside of an outline meets the line at y where |x| < half."""
+    """Whether any of the segment from (-half, y) to (half, y) lies inside an outline."""
     crossings = list[float]()
     x0, y0 = outline[-1]
     for x1, y1 in outline:
@@ -209,7 +218,7 @@ def _blocks(outline: Outline, y: float, half: float) -> bool:
 
 
 def _shape(outline: Outline) -> Shape:
-    """The shape of a part, with every n-th point of its outline, so that `MOST_POINTS` at most are kept."""
+    """The shape of a part; of its outline every n-th point is kept, `MOST_POINTS` at most."""
     step = -(-len(outline) // MOST_POINTS)
     kept, coarse = outline[::step], 0.0
     for k, start in enumerate(kept):
@@ -224,7 +233,7 @@ def _shape(outline: Outline) -> Shape:
 
 
 def _slack(job: Section) -> Slack:
-    """The largest errors that a job's uncertainties allow; random errors count with `TAIL` deviations."""
+    """The largest errors that a job's uncertainties allow; for a random error, `TAIL` standard deviations."""
     gripper, doubt, release = (section(job, name) for name in ("gripper", "doubt", "release"))
 
     def most(table: Section, key: str) -> float:

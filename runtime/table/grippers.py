@@ -1,8 +1,8 @@
-"""Profiles of known grippers, by the model that a job names: the only file of presets.
+"""Profiles of known grippers, by the model that a job names; no other file has such presets.
 
-A calibration with gauge blocks (`grasp-calibrate width`) corrects readings; speed and force are nominal. No
-value was measured for this project. A driver of another make provides the profile of its gripper as an
-entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
+The values are published ones; none was measured for this project. A calibration with gauge blocks
+(`grasp-calibrate width`) corrects widths, not speed and force. A driver of another make provides the profile
+of its gripper as an entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
 """
 
 import re
@@ -156,7 +156,7 @@ def _plugged_in(model: str, name: str) -> GripperProfile | None:
 
     Args:
         model: the model's name, for messages.
-        name: the result of `_normalised` for this name.
+        name: the same name in the spelling of `_normalised`.
 
     Raises:
         TableError: the profile cannot be loaded, or is invalid.
@@ -189,7 +189,7 @@ def _is_sound(profile: GripperProfile) -> bool:
 
 
 def same_model(one: str, other: str) -> bool:
-    """Whether two names are of one model, ignoring case, spaces and dashes."""
+    """Whether two names mean the same model, ignoring case, spaces and dashes."""
     return _normalised(one) == _normalised(other)
 
 

@@ -1,6 +1,6 @@
-"""From a reading to a branch: the gripper's calibration gives the width, a node's decision map the branch.
+"""From a reading to a branch: a calibration converts the reading to a width, a decision map gives the branch.
 
-Also checks whether a gripper fits a table.
+`misfits` checks whether a gripper fits a table.
 """
 
 from bisect import bisect_left, bisect_right
@@ -15,7 +15,9 @@ from runtime.table.model import REJECT, Branch, GripperSpec, Node, Table
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Map from nominal to true widths: linear between points, constant beyond the first and the last.
+    """Map from the widths that a gripper reads (nominal) to true widths.
+
+    The map is linear between its points, and constant beyond the first and the last point.
 
     Raises:
         TableError: there is only one point, or the points do not rise.
@@ -49,7 +51,7 @@ class Calibration:
         return self.width_um(self.profile.stroke_um)
 
     def nearest_um(self, width_um: int) -> int:
-        """The reading whose true width is nearest to `width_um`; of two such readings, the more open one."""
+        """The reading whose true width is nearest to `width_um`; of two such readings, the greater one."""
         wider = self.opening_um(width_um)
         step = self.profile.step(wider)
         less = self.profile.reading_um(max(step - 1, 0))
@@ -72,7 +74,10 @@ class Calibration:
 
 
 class Segments(NamedTuple):
-    """A step function of the true width: `branches[k]` from `starts_um[k]` to below the next start."""
+    """The branch of a node as a step function of the true width.
+
+    `branches[k]` applies from `starts_um[k]` up to, but not at, `starts_um[k + 1]`.
+    """
 
     starts_um: tuple[int, ...]  # ascending, the first is 0
     branches: tuple[int, ...]  # an index into a node's branches, or `REJECT`; two neighbours differ
@@ -82,7 +87,7 @@ class Segments(NamedTuple):
         return REJECT if width_um < 0 else self.branches[bisect_right(self.starts_um, width_um) - 1]
 
     def intervals(self) -> list[tuple[int, int, int]]:
-        """Intervals of widths that select a branch: least and greatest width, um, and the branch."""
+        """The intervals of widths that select a branch: least width, greatest width, um, and the branch."""
         ends = [start - 1 for start in self.starts_um[1:]]  # the last segment is a `REJECT`
         return [
             (start, end, branch)
@@ -99,9 +104,9 @@ class DecisionMap(NamedTuple):
 
     @property
     def either(self) -> Segments:
-        """The segments without regard to the object flag, for drawings.
+        """The branch by the width alone, without the object flag, for drawings.
 
-        A width that means nothing held or a thin grip, depending on the flag, has the branch of the grip.
+        Where the flag decides between two branches, the one with the higher index is taken.
         """
         starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
         return _segments(starts, [max(part.at(start) for part in self) for start in starts])
@@ -111,15 +116,16 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
     """Builds the rule that assigns a branch or `REJECT` to every settled reading at a node (decision 0056).
 
     A branch is a grip if its interval excludes width 0 or its expected width is `HELD_UM` or more; any other
-    branch means that nothing is held. Candidates are the branches whose interval contains the width.
+    branch means that nothing is held. Which branches are candidates for a reading depends on its object flag:
 
-    - With an object felt, only grips are candidates, and none at width 0.
-    - With none felt, a width above the gripper's `empty_um` is `REJECT`. Otherwise the candidates are the
-      branches that mean nothing held or, without such a candidate, the grips (not at width 0): a grip was not
-      felt.
+    - Object felt: the grips whose interval contains the width; none at width 0.
+    - No object felt, width up to the gripper's `empty_um`: the branches that mean nothing held and whose
+      interval contains the width. If there are none, the candidates are as for an object felt, since a
+      thin part may not be felt.
+    - No object felt, greater width: none.
 
-    The candidate with the nearest expected width is chosen, or of two equally near ones the candidate with
-    the lower index; without a candidate the reading is `REJECT`.
+    The candidate with the nearest expected width is chosen; of two equally near candidates, the one with the
+    lower index. Without a candidate the reading is `REJECT`.
     """
     grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
     empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]
@@ -144,7 +150,10 @@ def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
 
 
 def _nearest(branches: list[tuple[int, Branch]], width_um: int) -> int:
-    """The branch with the nearest expected width of those whose interval contains a width, or `REJECT`."""
+    """Of the branches whose interval contains a width, the one with the nearest expected width, or `REJECT`.
+
+    `branches` are pairs of a branch's index and the branch; the index is returned.
+    """
     within = [
         (abs(width_um - branch.expected_um), number)
         for number, branch in branches
@@ -173,7 +182,13 @@ def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
 
 
 def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:
-    """Indices of a node's branches, `branches` in number, that no reading of a gripper selects."""
+    """Indices of the branches of a node that no reading of a gripper selects.
+
+    Args:
+        decided: the decision map of the node.
+        calibration: the calibration of the gripper.
+        branches: the number of the node's branches.
+    """
     read = {
         branch
         for segments in decided
@@ -184,10 +199,10 @@ def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> lis
 
 
 def misfits(table: Table, calibration: Calibration) -> list[str]:
-    """Reasons why a gripper cannot run a valid table: a sentence for each, with a remedy.
+    """Reasons why a gripper with a calibration cannot run a valid table: a sentence for each, with a remedy.
 
-    The jaws must open as far as the table requires. Some reading must select each branch, and the reading
-    nearest to the branch's expected width must not select another.
+    To fit the table, the jaws must open as far as it requires. For each branch some reading must select the
+    branch, and the reading nearest to its expected width must not select another branch.
     """
     problems, widest_um = [], calibration.widest_um
     for index, node in enumerate(table.nodes):

@@ -1,6 +1,6 @@
-"""The decision table in memory: frozen records of its file's content.
+"""The decision table in memory: frozen records with the content of the table's file.
 
-A field's annotation gives its meaning and range. Lengths are in um, angles in urad, forces in mN,
+The annotation of a field gives its meaning and range. Lengths are in um, angles in urad, forces in mN,
 speeds in um/s, shares in ppm.
 """
 
@@ -52,7 +52,7 @@ class Area(NamedTuple):
     y_max: Annotated[int, Field("the same", "limits.work_area_um.y_min")]
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
-        """Whether a place lies in the rectangle or on its edge."""
+        """Whether the point (x_mm, y_mm) lies in the rectangle or on its edge."""
         return (
             self.x_min / 1000 <= x_mm <= self.x_max / 1000
             and self.y_min / 1000 <= y_mm <= self.y_max / 1000
@@ -71,7 +71,10 @@ NO_TOLERANCE = Tolerance(0, 0, 0)
 
 
 class Covariance(NamedTuple):
-    """Second moments of the parts at a leaf about its pose, in units of 0.1 mm and 10 mrad."""
+    """Covariance of the poses of the parts that end at a leaf, about the leaf's pose.
+
+    The moments of x, y and angle t are in units of 0.1 mm and 10 mrad.
+    """
 
     xx: Annotated[int, Field("in 0.1 mm and 10 mrad")]
     xy: Annotated[int, Field("the same", -FAR)]
@@ -82,7 +85,7 @@ class Covariance(NamedTuple):
 
 
 class Squeeze(NamedTuple):
-    """One squeeze: place of the hand in the world, opening, speed and force of closing."""
+    """One squeeze: pose of the hand in the world, opening of the jaws, speed and force of closing."""
 
     x_um: Annotated[int, Field("hand's centre", *X)]
     y_um: Annotated[int, Field("hand's centre", *Y)]
@@ -125,7 +128,7 @@ class Branch(NamedTuple):
 
     @property
     def grip(self) -> bool:
-        """Whether the branch means that the jaws hold something; no reading of width 0 selects a grip."""
+        """Whether the branch means that the jaws hold something; if so, a width of 0 never selects it."""
         return self.low_um > 0 or self.expected_um >= HELD_UM
 
 
@@ -145,16 +148,17 @@ class Node(NamedTuple):
         return self.release or self.squeeze.place
 
     def release_point(self, branch: int) -> Place | None:
-        """Position to which the hand drags a held part before it opens, if the reading selected `branch`.
+        """Place to which the hand drags a held part before it releases it, if the reading selected `branch`.
 
         Returns:
-            None where the part is not dragged: after `REJECT`, if it is not held, or without a release.
+            None where no part is dragged: after `REJECT`, at a branch that holds nothing, or if the node has
+            no `release`.
         """
         held = branch != REJECT and self.branches[branch].expected_um >= HELD_UM
         return self.release if held else None
 
     def branch_to(self, target: object) -> int | None:
-        """The index of the branch with a target (a node, or ~leaf); None where there is none."""
+        """The index of the branch that leads to `target` (a node, or ~leaf); None where none does."""
         return next((k for k, branch in enumerate(self.branches) if branch.target == target), None)
 
 
@@ -213,7 +217,7 @@ class GripperSpec:
 
     @classmethod
     def of(cls, profile: GripperProfile, finger_length_um: int, finger_width_um: int) -> Self:
-        """The gripper with a profile and with fingers of some length and width."""
+        """Builds the record of a gripper from the profile of its model and the size of its fingers."""
         return cls(
             model=profile.model,
             opening_um=profile.stroke_um,
@@ -231,25 +235,25 @@ class GripperSpec:
 
     @property
     def bins(self) -> int:
-        """Number of bins of a histogram of readings, with one or several steps of a reading in each."""
+        """Number of bins in a histogram of the gripper's readings, `MOST_BINS` at most."""
         return self.steps // self.steps_a_bin + 1
 
     def bin_of(self, width_um: int) -> int:
-        """The bin of a histogram that a nominal width falls into, from 0 for closed jaws."""
+        """Index of the bin in a histogram of readings into which a nominal width falls; 0 for closed jaws."""
         step = self.profile.step(min(max(width_um, 0), self.opening_um))
         return step // self.steps_a_bin
 
     @property
     def steps_a_bin(self) -> int:
-        """Number of steps of a reading in one bin of a histogram."""
+        """Number of steps of the gripper's resolution in one bin of a histogram of readings."""
         return self.steps // MOST_BINS + 1
 
     @property
     def profile(self) -> GripperProfile:
         """The profile that the table was planned with.
 
-        A table does not state arc, radius and counts. They come from the known model of this name; its counts
-        are used only if they have as many steps.
+        A table does not state arc, radius and counts; these are those of the known model of this name. The
+        model's counts are used only if their number of steps is that of this gripper.
         """
         preset = known(self.model)
         counts = None if preset is None else preset.counts
@@ -271,14 +275,14 @@ class GripperSpec:
 
     @property
     def turn_radius_mm(self) -> float:
-        """Distance of the open gripper's farthest point, fingers included, from its axis."""
+        """Distance, mm, of the open gripper's farthest point, fingers included, from the axis of the hand."""
         aside_um = self.opening_um / 2 + self.finger_width_um
         return max(self.profile.radius_mm, hypot(aside_um, self.finger_length_um / 2) / 1e3)
 
 
 @dataclass(frozen=True, slots=True)
 class GoalSpec:
-    """When a part counts as located: tolerances, symmetry and confidence."""
+    """States when a part counts as located, and which share of the parts a plan should locate."""
 
     distance_um: Annotated[int, Field("bound of the error")]
     confidence_ppm: Annotated[int, Field("share of parts to locate", 0, PPM)]
@@ -301,7 +305,7 @@ class Hypothesis(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits for all motions of a table."""
+    """Limits that apply to a whole table: number of squeezes, force, speeds, work area and heights."""
 
     max_depth: Annotated[int, Field("squeezes to any leaf", 1, MAX_DEPTH)]
     max_force_mn: Annotated[int, Field("closing force", 1)]
@@ -346,7 +350,7 @@ class Table:
         return next((index for index, node in enumerate(self.nodes) if node.pushes), None)
 
     def goal_of(self, hypothesis: int) -> GoalSpec:
-        """The goal with rho and symmetry of a hypothesis."""
+        """The table's goal, with rho and symmetry of the part with index `hypothesis`."""
         if not self.hypotheses:
             return self.goal
         part = self.hypotheses[hypothesis]

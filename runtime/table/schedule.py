@@ -1,4 +1,4 @@
-"""Times of the squeezes of parts that come one after another, by the model in `timing`."""
+"""How long the squeezes of successive parts take, by the model in `timing`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from runtime.table.turning import may_turn
 
 
 class Squeezed(NamedTuple):
-    """One squeeze with its outcome."""
+    """One squeeze of a part: its node, the width at which the jaws stopped, and the branch selected."""
 
     node: int
     width_mm: float
@@ -21,7 +21,7 @@ class Squeezed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Computes the times of the squeezes by one table in one cell."""
+    """Computes how long the squeezes of a table take in a cell."""
 
     nodes: Sequence[Node]
     timing: Timing
@@ -39,7 +39,10 @@ class Schedule:
         return cls(table.nodes, timing, may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Pose2 | None = None) -> list[Phases]:
-        """Phases of each squeeze of a part; the hand starts above `start` or, if None, the first place."""
+        """Computes the phases of each squeeze of a part.
+
+        The hand starts above the pose `start`; None: above the place of the first squeeze.
+        """
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
@@ -63,11 +66,11 @@ class Schedule:
             squeezed: the node and the outcome of the squeeze.
             before: pose of the hand before the squeeze; None: above the place of the squeeze.
             after: index of the part's next node; None after its last squeeze.
-            jaws_s: how long the jaws still move when the squeeze begins.
+            jaws_s: how long the jaws still open when the squeeze begins, s.
             first: whether it is the part's first squeeze, before which the hand is at the retreat height.
 
         Returns:
-            The phases, the pose of the hand after the squeeze, and how long the jaws still move then, s.
+            The phases, the pose of the hand after the squeeze, and how long the jaws still open then, s.
         """
         node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, placement(node.squeeze)
@@ -96,7 +99,7 @@ class Schedule:
         return phases, let_go, max(left_s, 0.0)
 
     def _push_s(self, node: Node, at: Pose2) -> tuple[float, Pose2]:
-        """Seconds of the pushes before a squeeze by a hand at the pose `at`, and its pose after them."""
+        """Seconds of a node's pushes by a hand that starts at `at`, and the pose of the hand after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:

@@ -1,4 +1,4 @@
-"""The sections of a table's file: the common source of codec, validation and `TABLE.md`."""
+"""The sections of a table's file; codec, validation and `TABLE.md` are all derived from this list."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -12,7 +12,10 @@ MAX_ALTERNATIVES = 32
 
 
 class Section(NamedTuple):
-    """A section of a table's file: a single record, or several as columns, one array for each field."""
+    """A section of a table's file.
+
+    It has a single record, or several, which the file stores as columns: one array for each field.
+    """
 
     name: str
     meaning: str
@@ -25,7 +28,7 @@ class Section(NamedTuple):
 
     @property
     def optional(self) -> bool:
-        """Whether a file leaves the section out if it has no records."""
+        """Whether a file omits the section when it has no records."""
         return self.name in OPTIONAL
 
     @property
@@ -74,10 +77,9 @@ FIELDS: dict[str, tuple[Field, ...]] = {
 
 
 def records_of(table: model.Table) -> dict[str, list[tuple[int, Any]]]:
-    """The records of each section, by its name, as pairs of an index and the record.
+    """The records of a table by the name of their section, as pairs of an index and the record.
 
-    The index is the number of the node or leaf that owns the record; without an owner, the index is the
-    number of the record.
+    The index is that of the node or leaf that owns the record; without an owner, that of the record.
     """
     nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
     return {

@@ -1,4 +1,4 @@
-"""Distribution of the times of parts: mean, percentiles, and the share within a takt."""
+"""Distribution of the times that parts take: mean, percentiles, and the share done within a takt."""
 
 from bisect import bisect_left
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ PERCENTILES = (50, 95, 99)
 
 
 def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[str, float]:
-    """Mean, percentiles and maximum of times; with a takt, the share within it.
+    """Mean, percentiles and maximum of the parts' times; with a takt, the share of parts done within it.
 
     Args:
         seconds: number of parts for each time, at least one part.

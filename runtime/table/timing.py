@@ -1,9 +1,9 @@
-"""The model of time of a cell's motions, for plans, evaluations, runs and their deadlines.
+"""Model of how long the motions of a cell take, for plans, evaluations, runs and their deadlines.
 
-The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
-of the hand takes as long as the path of the hand's farthest point about its axis. Jaws run at constant
-speeds. A device's response time is added to each of its motions. Lengths are in mm, angles in rad, times in
-s.
+The arm accelerates, travels at a constant speed, and brakes; on a short way it brakes before it reaches the
+speed. A turn of the hand takes as long as a straight way of the length of the arc that the hand's farthest
+point describes. Jaws move at constant speeds. The response time of a device is added to each of its motions.
+Lengths are in mm, angles in rad, times in s.
 """
 
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ DEFAULTS: Mapping[str, float] = {
 
 
 def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:
-    """The least time of a way from rest to rest, within a speed and an acceleration."""
+    """Least time, s, for a way from rest to rest at the given greatest speed and acceleration."""
     if way_mm <= 0.0:
         return 0.0
     ramps_mm = speed_mm_s**2 / acceleration_mm_s2
@@ -48,7 +48,7 @@ def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> 
 
 
 class Phases(NamedTuple):
-    """Seconds that each phase of one squeeze takes."""
+    """How long each phase of one squeeze takes, in seconds."""
 
     push_s: float = 0.0  # the pushes before the squeeze
     travel_s: float = 0.0  # travel above the squeeze's place, while the jaws move to the opening
@@ -75,7 +75,7 @@ def phases_of(record: object) -> Phases:
 
 
 def time_of(value: object) -> float:
-    """Parses a time in a record, and returns it, s.
+    """Parses a value of a record as a time, s; it must be finite and not negative.
 
     Raises:
         ValueError: the time is invalid.
@@ -104,13 +104,13 @@ class Visit(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Speeds, heights and response times of a cell, and the times of motions that follow from them."""
+    """Speeds, heights and response times of a cell; the methods compute from them how long motions take."""
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
     # time from the request of an arm motion to the confirmation of its end, less the motion itself
     arm_answer_s: float
-    jaw_answer_s: float  # this time for a stroke of the jaws, which ends with three equal readings
+    jaw_answer_s: float  # the same for a stroke of the jaws, which ends with three equal readings
     poll_s: float  # time to read the jaws once, or to send them a request
     turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # speed of jaws that touch nothing
@@ -149,19 +149,23 @@ class Timing:
         return self.arm_answer_s + trapezoid_s(way_mm, speed_mm_s, self.arm_acceleration_mm_s2)
 
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
-        """Whether a hand at the retreat height descends to the regrasp height on its way to a squeeze.
+        """Whether a hand at the retreat height descends to the regrasp height while it travels to a squeeze.
 
-        The hand descends on the way only from nearby, and only if the descent takes no longer than the
-        travel.
+        It does so only on a short way (`NEAR_MM`), and only if the descent takes no longer than the travel.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
-        """Opening, mm, at which closing jaws slow down from full speed to `speed_mm_s`.
+        """Opening, mm, at which closing jaws slow down from full speed to the squeeze's speed.
 
-        It is `opening_mm`, the jaws' first opening, if fast closing saves no time, or if `contact_mm`, the
-        greatest width at which the jaws may meet the part, is unknown (None).
+        If fast closing saves no time, or `contact_mm` is unknown, the jaws are slow from the start: the
+        result is `opening_mm`.
+
+        Args:
+            opening_mm: opening from which the jaws close.
+            contact_mm: greatest width at which the jaws may meet the part; None: unknown.
+            speed_mm_s: the squeeze's speed.
         """
         if contact_mm is None:
             return opening_mm
@@ -180,12 +184,12 @@ class Timing:
         return fast_s + between_s + max(near_mm - width_mm, 0.0) / speed_mm_s + self.jaw_answer_s
 
     def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds of opening until the jaws are clear of what they hold."""
+        """Seconds that jaws opening from `width_mm` to `next_mm` take until they are clear of the part."""
         answer_s = 3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
         return CLEAR_MM / speed_mm_s + answer_s
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds for jaws that no longer touch the part to move to their next opening.
+        """Seconds that jaws, once clear of a part of `width_mm`, take to reach their next opening.
 
         The hand may move meanwhile.
         """
@@ -202,7 +206,7 @@ class Timing:
         push_mm: float,
         push_mm_s: float,
     ) -> float:
-        """Seconds of one push, which begins and ends at the retreat height.
+        """Seconds of one push, during which the hand starts at the retreat height and returns to it.
 
         Args:
             way_mm: way of the hand to the place where it descends.
@@ -222,7 +226,7 @@ class Timing:
         )
 
     def squeeze(self, visit: Visit) -> Phases:
-        """Computes the phases of one squeeze, which begins and ends at a height at which the hand travels."""
+        """Computes how long each phase of one squeeze takes; the last phase is the rise above the part."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
         way_mm = visit.way_mm
         if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):
@@ -243,12 +247,15 @@ class Timing:
 
     @property
     def _between_s(self) -> float:
-        """Seconds lost between the fast and the slow stroke of closing."""
+        """Seconds that closing jaws lose at the change from the fast stroke to the slow one."""
         return self.poll_s if self.streams else self.jaw_answer_s
 
 
 def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:
-    """Returns the cell's values for the keys of `DEFAULTS`, stated or default, and the regrasp height in um.
+    """Reads and checks the timing in a job's section `cell`.
+
+    Returns:
+        The value for each key of `DEFAULTS`, as the job states it or by default, and the regrasp height, um.
 
     Raises:
         TableError: a value of the job is impossible.
@@ -259,9 +266,10 @@ def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, fl
 
 
 def _regrasp_height_um(limits: Limits, job: Mapping[str, Any] | None) -> int:
-    """Height of the tips between two squeezes of one part: as the job states it, else just above the parts.
+    """Height of the tips, um, between two squeezes of one part (regrasp height).
 
-    It is the retreat height if the job states neither this height nor the heights of all parts.
+    It is the height that the job states; else `ABOVE_MM` above the tallest part; else, if the job does not
+    state the heights of all parts, the retreat height.
 
     Raises:
         TableError: the stated height is not above parts and squeeze height, or is above the retreat height.

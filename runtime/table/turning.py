@@ -1,8 +1,8 @@
-"""Plans turned about the origin of the world, for parts of unknown orientation.
+"""Turns plans about the origin of the world, for parts of unknown orientation.
 
-The belief is a disc about the origin with uniform orientation, so a plan that is turned as a whole, grasp
-poses and leaves, locates as many parts. A part's plan is therefore turned until its first grasp pose has
-the hand's angle.
+Such a part may lie at any angle, within a circle about the origin. So a plan that is turned as a whole, with
+grasp poses and leaves, locates as many parts. Each part's plan is turned until the angle of its first grasp
+pose is that of the hand: the hand then need not turn first.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ KINDS = ("pose", "orientation", "identity")
 
 
 def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0) -> bool:
-    """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
+    """Whether a table's plan may be turned by any angle: the part's uncertainty, goal and work area allow it.
 
     Args:
         table: the table; a plan with pushes may not be turned.
@@ -45,7 +45,7 @@ def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
 
 
 def turned(table: Table, turn_urad: int) -> Table:
-    """The table with its grasp poses and leaves turned about the origin; the table must have no pushes."""
+    """A copy of a table, which must have no pushes, with grasp poses and leaves turned about the origin."""
     if turn_urad == 0:
         return table
     nodes = tuple(_turned_node(node, turn_urad) for node in table.nodes)
@@ -54,7 +54,7 @@ def turned(table: Table, turn_urad: int) -> Table:
 
 
 def turned_leaf(leaf: Leaf, turn_urad: int) -> Leaf:
-    """The leaf with its poses and their covariance turned about the origin."""
+    """A copy of a leaf with its poses and its covariance turned about the origin."""
     if turn_urad == 0:
         return leaf
     return _turned_pose(leaf, turn_urad)._replace(

@@ -1,4 +1,4 @@
-"""Validation of a table, at every write and every read: all reasons not to execute it."""
+"""Validation of a table, at every write and every read: checks for all reasons not to execute it."""
 
 from collections import Counter
 from math import cos, sin
@@ -17,10 +17,10 @@ from runtime.table.sections import SECTIONS, Section, records_of
 
 
 def validate(table: Table) -> None:
-    """Checks that a table, with values of the right types, may be executed.
+    """Checks that a table may be executed; its values must already be of the right types.
 
     Raises:
-        TableError: the table may not; the message names the first wrong node, branch, leaf or field.
+        TableError: it may not; the message names the first wrong node, branch, leaf or field.
     """
     records = records_of(table)
     for section in SECTIONS:
@@ -52,7 +52,7 @@ def _within(name: str, value: int, least: int, most: int = FAR) -> None:
 
 
 def _validate_numbers(section: Section, records: dict[str, list[tuple[int, Any]]]) -> None:
-    """Checks the number of records of a section, or of each node or leaf that owns records."""
+    """Checks how many records a section has or, if nodes or leaves own them, how many each has."""
     if section.owner is None:
         if section.row and not (section.optional and not records[section.name]):
             number = len(records[section.name])
@@ -85,7 +85,7 @@ def _validate_field(
 
 
 def _place(section: Section, field: Field, records: list[tuple[int, Any]], index: int) -> str:
-    """Place of a record's field, for an error."""
+    """Text by which an error names a field of one record: "node 3, branch 1: low_um" for instance."""
     if not section.row:
         return field.name if field.name == section.name else f"{section.name}.{field.name}"
     owner, place = records[index][0], ""

@@ -1,1 +1,1 @@
-"""Traversal of a table by a part: decisions, requests and results, without devices, files or clocks."""
+"""The way of a part through a table: decisions, requests and results, without devices, files or clocks."""

@@ -1,4 +1,4 @@
-"""The answer for a located part: its name, its pose, and the poses of the drawing's datum and the picks."""
+"""The answer for a located part: the part's name and pose, and the poses of its datum and named grasps."""
 
 from math import degrees, radians
 from typing import NamedTuple
@@ -22,9 +22,9 @@ NO_FRAMES = PartFrames(None, {})
 
 
 def frames_of(table: Table) -> tuple[PartFrames, ...]:
-    """The frames of each part of a table's job.
+    """The frames of each part of a table, as the job inside the table states them.
 
-    All are `NO_FRAMES` if the table has no readable job, or if the job states another number of parts.
+    All are `NO_FRAMES` if the table has no readable job, or if the job has another number of parts.
     """
     count = max(1, len(table.hypotheses))
     try:
@@ -49,9 +49,10 @@ def frames_in(part: object) -> PartFrames:
 
 
 def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> dict[str, object]:
-    """The answer for a part at a leaf, as fields: poses of the outline's frame, of the datum, of each pick.
+    """The answer for a part that ended at a leaf, as fields of a record.
 
-    With several hypotheses, also the part's name. `frames` is the result of `frames_of`.
+    The fields are the poses of the part, of its datum and of each named grasp and, for a table of several
+    parts, the part's name. `frames` is the result of `frames_of`.
     """
     end = result.leaf_of(table)
     assert end is not None

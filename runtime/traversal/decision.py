@@ -1,4 +1,4 @@
-"""The decision for a reading at a node, and what follows from it by the declared policy."""
+"""The decision for a reading at a node, and the policy: what follows a reject or an unresolved leaf."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,7 +13,7 @@ from runtime.traversal.results import Outcome
 
 
 class Decision(NamedTuple):
-    """Meaning of a reading at a node: the branch taken, or `REJECT`."""
+    """What a reading at a node means: the branch that it selects, or `REJECT`."""
 
     node: Node
     branch: int
@@ -21,7 +21,7 @@ class Decision(NamedTuple):
 
     @property
     def target(self) -> int | None:
-        """What follows: node `target` if >= 0, leaf `~target` if < 0, None for `REJECT`."""
+        """Where the branch leads: to node `target` if >= 0, to leaf `~target` if < 0; None for `REJECT`."""
         return None if self.branch == REJECT else self.node.branches[self.branch].target
 
     @property
@@ -38,13 +38,13 @@ class Decision(NamedTuple):
 
 
 def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -> Decision:
-    """Looks up which branch of a node a settled reading takes, or `REJECT`.
+    """Looks up the branch of a node that a settled reading selects, or `REJECT`.
 
     Args:
         node: the node.
         decided: the node's `decision_map`.
-        width_um: the true width.
-        seen: the object state.
+        width_um: the true width at the reading.
+        seen: the object state of the reading.
 
     Raises:
         GripperStateError: the object state contradicts a closing motion.
@@ -70,7 +70,11 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Actions after a reject or an unresolved leaf, in order; each is taken once. The last ends the part."""
+    """The actions that follow a reject or an unresolved leaf.
+
+    The first reject of a part takes the first action of `on_reject`, the second reject the second, and so on;
+    likewise unresolved leaves and `on_unresolved`. The last action ends the part.
+    """
 
     # actions after a reading that no branch has
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
@@ -96,7 +100,7 @@ class Policy:
         return cls(rejected, unresolved)
 
     def fields(self) -> dict[str, str]:
-        """The two lists of names, each a text with commas, from which `of` restores the policy."""
+        """The names of the actions as two texts with commas, from which `of` restores the policy."""
         lists = {"on_reject": self.on_reject, "on_unresolved": self.on_unresolved}
         return {name: ",".join(each.value for each in actions) for name, actions in lists.items()}
 
@@ -109,7 +113,7 @@ class Policy:
 
 
 class TraversalState(NamedTuple):
-    """State of a part: the node to squeeze next, or its outcome."""
+    """State of a part on its way through the table: the node to squeeze next, or the outcome."""
 
     node: int = 0  # index of the next node; meaningless once there is an outcome
     outcome: Outcome | None = None  # LEAF, REJECT or UNRESOLVED, None before the end
@@ -122,7 +126,14 @@ class TraversalState(NamedTuple):
 def advance(
     traversal: TraversalState, target: int | None, table: Table, policy: Policy
 ) -> TraversalState:
-    """The state after a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
+    """The part's state after a squeeze at `traversal.node` whose decision leads to `target`.
+
+    Args:
+        traversal: the state before the squeeze.
+        target: `Decision.target`: a node, ~leaf, or None for `REJECT`.
+        table: states which leaves are resolved.
+        policy: determines what follows a reject or an unresolved leaf.
+    """
     if target is not None and target >= 0:
         return traversal._replace(node=target, again=False)
     if target is None:

@@ -1,7 +1,7 @@
 """The program of a part: the requests to a cell, in order, until the part's outcome is known.
 
-Executor, decision server and replay drive the program: each performs the requests in its way, and answers a
-squeeze with its reading. The module is independent of devices, files and time.
+Executor, decision server and replay all run this program: each of them performs the requests in its own way,
+and answers a squeeze with a reading. The program itself uses no devices, files or clocks.
 """
 
 from collections.abc import Generator, Sequence
@@ -24,9 +24,9 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Request to go to the node's place and close the jaws there until they meet something.
+    """Request to go to a node's place, and to close the jaws there until they meet something.
 
-    The node's pushes come before, unless the squeeze is repeated.
+    The node's pushes are performed first, unless the squeeze is repeated.
     """
 
     index: int  # index of the node
@@ -37,15 +37,15 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
-    """Request to raise the force to the node's force, and to read again.
+    """Request to raise the force of the closed jaws to the node's force, and to read again.
 
-    The request follows a reading that no branch has, or after which the part will be dragged.
+    It follows a reading that no branch has, or that leads to a drag of the part.
     """
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Request to record the squeeze and its decision, drag the part to `point`, and release it."""
+    """Request to record the squeeze and its decision, to drag the part to `point`, and to release it."""
 
     index: int  # index of the node
     node: Node
@@ -56,7 +56,7 @@ class Release:
 
     @property
     def step(self) -> Step:
-        """The squeeze after which the part is released, with its reading and decision."""
+        """The squeeze that this release ends, with its reading and decision."""
         return self.steps[-1]
 
 
@@ -73,7 +73,7 @@ Requests = Generator[Request, Reading | None, None]
 
 
 class Program:
-    """Generates the requests for each part that is located by a table."""
+    """Generates the requests by which parts are located with a table, part by part."""
 
     def __init__(self, table: Table, calibration: Calibration, policy: Policy) -> None:
         self.maps = [decision_map(node, table.gripper) for node in table.nodes]
@@ -89,9 +89,14 @@ class Program:
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
     ) -> Requests:
-        """Yields the requests to the cell that locate one part; the answer to a squeeze is its reading.
+        """Yields the requests to the cell that locate one part.
 
-        Begins at the first squeeze, or goes on from the `state` that earlier `steps` have led to.
+        The caller performs each request, and sends a reading as the answer to `Approach` and `Tighten`.
+
+        Args:
+            number: number of the part.
+            state: state from which the part goes on; by default the first squeeze comes next.
+            steps: the squeezes that have led to `state`.
 
         Raises:
             GripperStateError: a reading contradicts a closing motion.
@@ -127,12 +132,12 @@ class Program:
 
 
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
-    """Runs a program up to its next `Release`, and returns that request.
+    """Answers a part's program with one reading until it requests a `Release`; returns that request.
 
     Args:
         requests: the program.
         request: the current request of the program.
-        reading: the answer to each request before the `Release`.
+        reading: the answer to every request before the `Release`.
     """
     while not isinstance(request, Release):
         request = requests.send(reading)

@@ -42,7 +42,7 @@ class Step(NamedTuple):
     reason: str | None  # why the reading was rejected, or None
 
     def fields(self) -> dict[str, object]:
-        """The step as fields of a journal record: with place and opening instead of the squeeze."""
+        """The step as fields of a journal record; of the squeeze only place and opening are included."""
         fields = self._asdict()
         squeeze = fields.pop("squeeze")
         names = ("x_um", "y_um", "angle_urad", "opening_um")
@@ -84,7 +84,7 @@ class PartResult:
         return None if self.leaf is None else turned_leaf(table.leaves[self.leaf], self.turn_urad)
 
     def delivered(self, missed: str | None) -> Self:
-        """The result after the delivery; `missed` says why the part was left where it was located."""
+        """The result after a delivery; `missed` states why the part was left there, None: it was put down."""
         if missed is None:
             return replace(self, delivery="done")
         return replace(self, delivery="missed", reason=missed, exit_code=ExitCode.NOT_LOCATED)
