@@ -52,8 +52,8 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
     """Samples pairs of wrench and twist about the centre of pressure.
 
-    A surface that is fitted to these pairs does not depend on where the part's frame lies, and under it a
-    force through the centre of pressure turns the part as little as it should.
+    A surface that is fitted to these pairs does not depend on where the part's frame lies. Fitted about
+    another point, a surface would let a force through the centre of pressure turn the part too much.
 
     Args:
         points: (M, 2) support points of the pressure, in the part's frame [mm].
@@ -72,10 +72,10 @@ def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, A
 
 
 def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
-    """Integrates Coulomb friction over a pressure distribution: the wrenches (K, 3) that make the part slide.
+    """Computes for each twist the wrench (K, 3) that makes a part slide so, against Coulomb friction.
 
-    Each support point (M, 2) [mm] carries friction of its share (M,) of mu N along its velocity (Goyal et
-    al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
+    The friction at a support point (M, 2) [mm] is the point's share (M,) of mu N, along its velocity (Goyal
+    et al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
     (K, 3) are normalised with rho, of any magnitude but 0.
     """
     x, y = points[:, 0] / rho_mm, points[:, 1] / rho_mm  # (M,)
@@ -107,12 +107,15 @@ def twist_directions(count: int = DIRECTIONS) -> Array:
 
 
 def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
-    """Fits A, (3, 3) symmetric positive definite and read-only, to wrenches and twists by least squares.
+    """Fits the matrix A (3, 3) of an ellipsoid to wrenches and twists by least squares.
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the component of A F across
-    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the
-    result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any
-    magnitude but 0; `weights` (K,) multiply the squared residuals.
+    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. F and V (K, 3) are
+    normalised, V of any magnitude but 0; `weights` (K,) multiply the squared residuals.
+
+    Returns:
+        A, symmetric positive definite and read-only. Where noise would make A indefinite, eigenvalues are
+        raised to `MIN_EIGENVALUE`.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b
