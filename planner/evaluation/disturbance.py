@@ -1,4 +1,4 @@
-"""Errors of a simulated cell besides the mechanics: errors of the encoder's zero and of the arm."""
+"""Errors of a simulated cell besides its mechanics: an offset of the encoder, and errors of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class Disturbance:
     def bias(self) -> Array:
         """Error (3,) of the arm's frame in the world [mm, mm, rad].
 
-        All motions share this error, also the motion to a leaf's pose: the table's poses are in the arm's
-        frame.
+        All motions have this error, including the motion to a leaf's pose, since the table's poses are in the
+        arm's frame.
         """
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 

@@ -1,6 +1,6 @@
-"""Computes how long trials take from their paths, by the table's model of time.
+"""Computes how long trials take, from their paths through the table and by the table's model of time.
 
-Parts follow one another: for each part, the hand starts where it left the previous part.
+The trials follow one another: for each part, the hand starts where it left the previous part.
 """
 
 from functools import cache
