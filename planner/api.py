@@ -32,7 +32,7 @@ __all__ += ["compile", "evaluate", "squeeze"]
 
 
 class Next(NamedTuple):
-    """Where n widths lead: to a node or to a leaf; both are -1 where a width fits no branch (REJECT)."""
+    """Where n widths lead: to nodes or leaves. Both are -1 where a width fits no branch (REJECT)."""
 
     nodes: IntArray  # (n,) index of the node of the next squeeze, or -1
     leaves: IntArray  # (n,) index of the leaf that is the answer, or -1

@@ -31,9 +31,9 @@ class World(Protocol):
 
     Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`. A world needs
     `squeeze_many(poses, traits (n,))` to squeeze parts whose latent parameters (traits) are not nominal. For
-    tables that push it needs `push(pose_hand, opening_mm, way_mm) -> final_pose_hand` or
-    `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push the hand goes along its x axis;
-    both poses are in the frame that the hand has at the start.
+    tables that push, a world needs `push(pose_hand, opening_mm, way_mm) -> final_pose_hand` or
+    `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push the hand goes along its x axis.
+    The poses before and after a push are in the frame that the hand has at the start.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:

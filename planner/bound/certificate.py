@@ -137,7 +137,7 @@ class Certificate:
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans that are in the classes of both `leaves` and `overall`: the greater one."""
+        """The bound for plans in the classes of both `leaves` and `overall`: the greater of the two."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property

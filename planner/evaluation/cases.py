@@ -1,4 +1,7 @@
-"""Cases: simulated worlds, each with a name, that differ from the plan's assumptions; a list for each use."""
+"""Lists of cases: a case is a named simulated world that differs from the plan's assumptions.
+
+Each use has its own list.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -76,7 +79,7 @@ class Case(NamedTuple):
 
 
 def standard_cases(job: Job) -> list[Case]:
-    """Cases of `plan-evaluate --sweep`, the plan's world first: pressure, friction, encoder and others."""
+    """Cases of `plan-evaluate --sweep`: the plan's world, then other pressures, frictions, encoders etc."""
     gripper, low, high = job.gripper, job.friction.finger_part_min, job.friction.finger_part_max
     share = gripper.upper_finger_share
     aside = [*_beside(share, 0.1), *_beside(share, 0.05)]
@@ -126,7 +129,7 @@ def believed_cases(job: Job) -> list[Case]:
 
 
 def _stands(case: Case, job: Job) -> bool:
-    """Whether the changes of a case leave `job` valid; a finger share above 1, for instance, does not."""
+    """Whether `job` is valid with the changes of a case; a finger share above 1 is not, for instance."""
     try:
         case.job(job)
     except InputError:
@@ -135,7 +138,10 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """Two cases in which the encoder's zero is shifted up or down by `OFFSET` times `Encoder.grain_mm`."""
+    """Two cases in which the encoder's zero is shifted down or up by `OFFSET` times `Encoder.grain_mm`.
+
+    The grain is the scatter of the readings of one width.
+    """
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
@@ -155,7 +161,7 @@ def noise_cases(job: Job) -> list[Case]:
 
 
 def friction_cases(job: Job) -> list[Case]:
-    """Cases for control charts: as planned, then the interval of friction times each of `FACTORS`."""
+    """Cases for control charts: the planned friction, then its interval multiplied by each of `FACTORS`."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = [Case(PLANNED)]
     for factor in FACTORS:
@@ -201,7 +207,7 @@ def assumption_cases(job: Job) -> list[Case]:
 
 
 def on_three_feet(job: Job) -> Case:
-    """The case of a part that stands on the three corners of its hull with the largest triangle."""
+    """The case of a part that stands on three corners of its convex hull, those of the largest triangle."""
     corners = stances(job.part.outline_mm)
     widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
     points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}

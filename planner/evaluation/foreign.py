@@ -38,7 +38,7 @@ class Answer(NamedTuple):
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
     def line(self) -> str:
-        """The leaf, its share and the widths of both parts as one line of text."""
+        """States the leaf, its share, and the widths of the foreign part and the job's part, in one line."""
         named = "" if self.part is None else f" as {self.part}"
         message = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
         if self.apart_mm is not None:

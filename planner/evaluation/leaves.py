@@ -1,4 +1,4 @@
-"""Compares a table's leaves with fresh trials: whether their probabilities hold, and which are confused."""
+"""Compares a table's leaves with fresh trials: their stated probabilities, and leaves that are confused."""
 
 from collections import Counter
 from typing import Any, NamedTuple
@@ -52,8 +52,8 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
     """Compares the leaves' predictions with fresh trials; leaves with fewer than `LEAST_VISITS` are left out.
 
     The probability that the table states is itself an estimate: k hits in n trials. Under Jeffreys' prior the
-    number of hits among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval
-    is its central 95 %.
+    number of hits among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2). The
+    prediction holds if the observed number lies in the central 95 % of this distribution.
     """
     from scipy.stats import betabinom  # importing scipy.stats takes a second
 

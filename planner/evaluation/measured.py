@@ -42,7 +42,7 @@ def with_figures(
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
-    """Returns the table with success rate, squeezes and errors of its evaluation as its prediction."""
+    """Returns the table with the success rate, squeezes and errors of an evaluation as its prediction."""
     figures = evaluation.summary()
     median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
@@ -115,9 +115,9 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 
 
 def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Leaf:
-    """Returns an unresolved leaf whose alternatives are the main poses `states` of its parts.
+    """Returns an unresolved leaf with alternatives: the main poses of its parts but the predicted one.
 
-    The leaf's predicted pose is left out.
+    `states` are the final poses of the parts.
     """
     metric = metric_of_table(evaluation.table)
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
@@ -154,8 +154,8 @@ def _branches(
 ) -> list[tables.Branch]:
     """Returns the branches `numbers` of a node.
 
-    If they are not all its branches, each is narrowed to the widths that select it in the whole node, and the
-    shares are scaled to add up to 1.
+    If the node has other branches, each returned branch is narrowed to the widths that select it in the whole
+    node, and the shares are scaled to add up to 1.
     """
     if len(numbers) == len(node.branches):
         return list(node.branches)

@@ -221,7 +221,7 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
-    """Adds the side of the prism: corners to meet the faces of fingers, and faces to meet their corners.
+    """Adds the side of the prism: corners to touch fingers' faces, and faces to touch fingers' corners.
 
     A corner is a pair of tiny spheres, at the lowest and the highest point that a finger can touch; a face is
     a thin plate. MuJoCo computes contacts of spheres with boxes in closed form. For contacts of convex meshes

@@ -76,7 +76,7 @@ class Sums(NamedTuple):
 
     @classmethod
     def of_document(cls, document: dict[str, Any], leaves: int) -> Self:
-        """Converts a document that the method `document` returned to sums.
+        """Converts the output of the method `document` back to sums.
 
         Raises:
             KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
@@ -99,7 +99,7 @@ class Study:
     job: Job  # the true parts and gripper
     worlds: Worlds  # worlds that squeeze the parts, one for each chunk
     seed: int  # seed of all random draws
-    # (N,) copies of a part at each node, splits at ancestors included; powers of two.
+    # (N,) total number of copies of a part at each node, with those made at earlier nodes; powers of two.
     copies: IntArray
     disturbance: Disturbance  # errors of the cell
 
@@ -149,7 +149,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
 
 
 def copies_of(table: Table) -> IntArray:
-    """Number of copies as which a part is followed at each node; more at nodes predicted to be rare.
+    """Number of copies of a part to follow at each node; more at nodes that few parts are predicted to reach.
 
     Args:
         table: a table of N nodes, children after their parents.

@@ -71,7 +71,7 @@ class Program:
 
     @classmethod
     def of(cls, table: Table) -> Self:
-        """Converts a table to arrays; a reading stands for the width that is nominal for the gripper."""
+        """Converts a table to arrays, with the nominal width that belongs to each reading of its gripper."""
         placement = np.array([placement_of(node.squeeze) for node in table.nodes])
         rows, target, drag = list[Segments](), list[int](), list[Array]()
         for node, place in zip(table.nodes, placement[:, :2], strict=True):

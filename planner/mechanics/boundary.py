@@ -63,13 +63,13 @@ class Drive(NamedTuple):
 
 @inlined_kernel
 def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
-    """Computes how far a boundary moves in its next step: its velocity at one moment times the step.
+    """Computes how far a boundary moves in its next step, from its velocity after the distance `done`.
 
     Args:
         boundary: the fingers or the pusher.
         size: length of the step [mm].
-        done: distance that the boundary has moved at this moment [mm].
-        q: (3,) pose of the part at this moment, in the boundary's frame.
+        done: distance that the boundary has moved so far [mm].
+        q: (3,) present pose of the part, in the boundary's frame.
     """
     turn = size * boundary.turn
     c, s = 1.0, 0.0
@@ -82,7 +82,7 @@ def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
 
 @inlined_kernel
 def hand_of(boundary: Boundary, faces: Array) -> Hand:
-    """The fingers of a boundary, with their inner faces at y = `faces` (2,) [mm]."""
+    """Returns the fingers of a boundary, with their inner faces at y = `faces` (2,) [mm]."""
     h, thickness, apart = boundary.h, boundary.thickness, boundary.apart
     first = Finger(1, -apart, faces[0], h, thickness)
     return Hand(first, Finger(boundary.facing, apart, faces[1], h, thickness), boundary.fingers)
@@ -107,8 +107,8 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
     """Converts the displacements of part and boundary from the table's frame to the boundary's, in place.
 
-    V (3,) holds the displacement of the part; un and ut of each contact hold the displacement of the
-    boundary.
+    V (3,) holds the displacement of the part. The fields un and ut of each contact hold the displacement of
+    the boundary. `drive` states how the boundary's frame moves over the table.
     """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn

@@ -102,7 +102,10 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
 
 @inner_kernel
 def stand(points: Array, top: float, bottom: float, h: float, thickness: float) -> bool:
-    """Whether a finger would be set down on the part; the inner faces are at y = top and y = bottom [mm]."""
+    """Whether one of two fingers overlaps the part; their inner faces are at y = top and y = bottom [mm].
+
+    Such a finger cannot be set down.
+    """
     return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
 
 

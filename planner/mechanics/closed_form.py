@@ -37,10 +37,10 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
 
 @inlined_kernel
 def one_contact(A: Array, contact: Contact, mu: float) -> int:
-    """Finds the force at a single contact by eqs 1-5: it sticks, or else slides along the friction cone.
+    """Finds the force at a single contact by eqs 1-5: the contact sticks, or else slides.
 
-    A (3, 3) is in the hand frame. The forces of the contact are modified in place. Returns `SOLVED`, or `RAY`
-    if the contact can neither stick nor slide.
+    A (3, 3) is the matrix of the limit surface in the hand frame. The forces of the contact are modified in
+    place. Returns `SOLVED`, or `RAY` if the contact can neither stick nor slide.
     """
     nx, ny, n2, t2 = contact.nx, contact.ny, contact.n2, contact.t2
     a = form(A, nx, ny, n2, nx, ny, n2)

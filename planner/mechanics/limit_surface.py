@@ -41,7 +41,10 @@ class LimitSurface:
 
 
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
-    """Fits the ellipsoid to a pressure distribution; see `about_centre` for the arguments."""
+    """Fits an ellipsoid limit surface to a pressure distribution.
+
+    See `about_centre` for the arguments.
+    """
     F, V, shift = about_centre(points, weights, rho_mm)
     A = np.round(fit(F, V), DIGITS)
     A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
@@ -72,7 +75,7 @@ def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, A
 
 
 def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
-    """Computes for each twist the wrench (K, 3) that makes a part slide so, against Coulomb friction.
+    """Computes the wrench (K, 3) that makes a part slide with each twist, against Coulomb friction.
 
     The friction at a support point (M, 2) [mm] is the point's share (M,) of mu N, along its velocity (Goyal
     et al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
@@ -165,7 +168,10 @@ def cholesky(A: Array) -> Array:
 
 @kernel
 def _square(factor: Array, drawn: Array) -> None:
-    """Replaces each B of `drawn` (n, D, D) by (L B) (L B)^T, with L = `factor`; both are lower triangular."""
+    """Replaces each matrix B of `drawn` (n, D, D) by (L B) (L B)^T, with L = `factor`.
+
+    L and all B are lower triangular.
+    """
     n, size = drawn.shape[0], drawn.shape[1]
     product = np.empty((size, size))
     for k in range(n):
@@ -183,7 +189,7 @@ def _square(factor: Array, drawn: Array) -> None:
 
 
 def twist(A: Array, F: Array) -> Array:
-    """The unit twists (..., 3) of the wrenches F (..., 3): along grad H (eq. 1)."""
+    """The unit twists (..., 3) that the wrenches F (..., 3) cause: along grad H (eq. 1)."""
     gradient = np.asarray(F) @ A
     return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 

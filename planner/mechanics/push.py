@@ -153,7 +153,7 @@ def _carry(boundary: Boundary, way: float, q: Array) -> None:
 
 @inner_kernel
 def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
-    """Makes the boundary the pusher of row i."""
+    """Copies the pusher of row i, with its path, into the boundary."""
     paths, way = pushers.paths, pushers.way[i]
     boundary.fingers, boundary.facing, boundary.apart = pushers.fingers[i], 1, pushers.apart[i]
     boundary.h, boundary.thickness = pushers.h[i], pushers.thickness[i]

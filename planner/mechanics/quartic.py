@@ -52,13 +52,14 @@ class QuarticSurface:
     def hessian_table(self) -> Array:
         """Table (6, 6) from which kernels compute the Hessian of H at a wrench F.
 
-        Multiplied by the six products of two components of F, it gives the entries xx, xy, xz, yy, yz, zz.
+        The table times the six products of two components of F gives the entries xx, xy, xz, yy, yz, zz of
+        the Hessian.
         """
         table = (FORM @ gram(self.coefficients).reshape(81)).reshape(6, 6)
         return np.asarray(np.where(PAIRS[:, :1] == PAIRS[:, 1:], table, 0.5 * table))
 
     def twist(self, F: Array) -> Array:
-        """The unit twists (..., 3) of the wrenches F (..., 3)."""
+        """The unit twists (..., 3) that the wrenches F (..., 3) cause."""
         gradient = self.gradient(F)
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 

@@ -61,9 +61,10 @@ def fit(
         V: their twists.
         rho_mm: the length that normalises both.
         weights: (K,) weights of the squared residuals of the pairs; None: all 1.
-        ridge: weight of a pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
-        robust: whether large angles between twists count linearly, not squared, since measured pairs may
-            have outliers.
+        ridge: weight that pulls the quartic towards the ellipsoid fitted to the same pairs; it counts like
+            this number of pairs.
+        robust: whether large angles between given and fitted twists count linearly, not squared, since
+            measured pairs may have outliers.
 
     Raises:
         QuarticFitError: the solver finds no certified quartic.
@@ -87,9 +88,10 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) with which the squared residuals grow only linearly with large angles between twists.
+    """Weights (K,) with which squared residuals grow only linearly with large angles between two twists.
 
-    The residuals are the components of `gradient` (K, 3) across the unit twists `unit` (K, 3).
+    The angle is that between `gradient` (K, 3) and the unit twist `unit` (K, 3). The residuals are the
+    components of `gradient` across `unit`.
     """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))

@@ -403,7 +403,7 @@ def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> Roll
 
 
 def commanded(paths: Paths) -> Array:
-    """Poses (n, 3) after each path of a part that moves rigidly with the pusher [mm, mm, rad].
+    """Poses (n, 3) that a part would have after each path if it moved rigidly with the pusher [mm, mm, rad].
 
     Poses and paths are in the part's frame at the start.
     """

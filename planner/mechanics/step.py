@@ -123,7 +123,7 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
 @inner_kernel
 def _judge(work: StepWork, m: int, order: int) -> int:
-    """Checks Lemke's solution.
+    """Checks the solution of Lemke's method in `work`.
 
     Returns:
         `SOLVED`; `RAY` if a force exceeds `UNBOUNDED`; `PIVOT_LIMIT` if the solution is inaccurate.

@@ -39,7 +39,10 @@ def of_job(job: Job) -> Surface:
 
 
 def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
-    """Fits a limit surface to a support; a surface that was fitted before comes from a cache."""
+    """Fits a limit surface to the support of a part: the points and weights of its pressure.
+
+    A surface that was fitted before comes from a cache.
+    """
     points, weights = held
     return _kept(fit, points.tobytes(), weights.tobytes(), rho_mm)
 

@@ -72,9 +72,11 @@ Scheduler: TypeAlias = Threads | Cluster  # `workers` is the number of items tha
 
 @contextmanager
 def scheduler_of(address: str | None = None, workers: int | None = None) -> Iterator[Scheduler]:
-    """Context manager of the workers: a cluster if there is an address "tcp://host:port", else threads.
+    """Context manager that gives the workers: a cluster if an address is given, else threads.
 
-    `workers` is the number of threads (None: all cores).
+    Args:
+        address: address of the cluster, "tcp://host:port".
+        workers: number of threads; None: all cores.
 
     Raises:
         UsageError: the address is not one, or the cluster extra is not installed.
