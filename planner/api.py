@@ -32,7 +32,7 @@ __all__ += ["compile", "evaluate", "squeeze"]
 
 
 class Next(NamedTuple):
-    """Nodes or leaves to which n widths lead; both are -1 where a width fits no branch (REJECT)."""
+    """Where n widths lead: to nodes or leaves. Both are -1 where a width fits no branch (REJECT)."""
 
     nodes: IntArray  # (n,) index of the node of the next squeeze, or -1
     leaves: IntArray  # (n,) index of the leaf that is the answer, or -1
@@ -86,9 +86,9 @@ class Table:
         return np.array([leaf.resolved for leaf in self.record.leaves])
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
-        """Looks up the node or leaf to which each width (n,) [mm] leads that is read at a node (n,).
+        """Looks up the node or leaf to which a width (n,) [mm] leads when it is read at a node (n,).
 
-        The object flag is not given: a width leads to a branch if it leads there with or without the flag.
+        The object flag is not known here: a width leads to a branch if it does so with or without the flag.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.
@@ -153,7 +153,8 @@ def squeeze(
         workers: number of threads; None: one for each core.
 
     Returns:
-        The `beliefs` of the k clusters of widths and their `probability` (k,), in the order of rising width.
+        The outcomes: their `beliefs` are the particles of each of k clusters of widths, their `probability`
+        (k,) is the share of each cluster. Widths rise from cluster to cluster.
 
     Raises:
         ValueError: the belief is empty or not (n, 3), the placement not (3,), or a number is not finite.

@@ -24,7 +24,7 @@ def rows(
     """Checks that values are finite numbers (n, *shape) from `least` to `most`.
 
     Raises:
-        ValueError: the shape is another, or a number is not finite or out of range.
+        ValueError: the shape is wrong, or a number is not finite or out of range.
     """
     array = _array(values, name)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
@@ -61,7 +61,7 @@ def indices(values: ArrayLike, name: str, size: int) -> IntArray:
     """Checks that values are whole numbers (n,) from 0 to size - 1; refuses negative indices.
 
     Raises:
-        ValueError: the shape is another, or a value is not a whole number or out of range.
+        ValueError: the shape is wrong, or a value is not a whole number or out of range.
     """
     array = np.asarray(values)
     if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):

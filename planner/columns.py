@@ -24,7 +24,7 @@ def read(
     Args:
         path: the file.
         names: the columns that the file must have.
-        defaults: the columns that the file may lack, with the value of all their rows in this case.
+        defaults: the columns that the file may lack; each with the number that fills a missing column.
 
     Returns:
         The columns (n,) by name: first the names of `names`, then the names of `defaults`.
@@ -60,12 +60,12 @@ Table: TypeAlias = dict[str, Array | list[str]]
 
 
 def named(names: Sequence[str], rows: Array) -> Table:
-    """Returns the k columns of rows (n, k) by their names."""
+    """Converts rows (n, k) to k columns, keyed by `names`."""
     return dict(zip(names, rows.T, strict=True))
 
 
 def write(path: Path, table: Table) -> None:
-    """Writes columns under a header of their names."""
+    """Writes columns to a CSV file, under a header of their names."""
     texts = (
         [f"{value:.9g}" for value in column] if isinstance(column, np.ndarray) else column
         for column in table.values()

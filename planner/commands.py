@@ -22,7 +22,8 @@ READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 def missing_input(words: Sequence[str]) -> str | None:
     """Returns the first argument of a command that names an input file which does not exist, or None.
 
-    Arguments that may be the value of an option not in `READ` are skipped: the command itself checks them.
+    An argument after an option that is not in `READ` is skipped, since it may be the option's value; the
+    command itself checks it.
     """
     if not HELP.isdisjoint(words):
         return None

@@ -1,4 +1,4 @@
-"""Compiles a job to a decision table: the whole planner on one screen."""
+"""Compiles a job to a decision table: plans, converts the tree to a table, and evaluates the table."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -89,7 +89,7 @@ def compile_job(
 
 
 def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Planned:
-    """Plans by one of the paper's methods: a single search, which does not continue after trials."""
+    """Plans by one of the paper's methods: a single search, which is not continued after trials."""
     root = plan_paper(job, Simulator.of_job(job, workers), say)
     if not root.children:
         raise NoPlanError(
@@ -103,7 +103,8 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     """Evaluates a plan by trials that were not used in planning, and adds the figures to its table.
 
     A leaf that the trials refute is marked unresolved, and the parts in it count as failures in the same
-    figures; fresh trials after this choice of leaves would be biased.
+    figures. The trials are not repeated after this: to repeat them until no leaf is refuted would select
+    lucky trials.
     """
     seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
     worlds = ContactWorlds.of_job(job, seed)
@@ -114,7 +115,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
 
 
 def _load_kernels(problem: Problem) -> None:
-    """Compiles the kernels: a small search, then squeezes of a small belief of each limit surface."""
+    """Calls all kernels, so that they get compiled: a small search, then squeezes with each limit surface."""
     small = problem.job.replaced(search={"particles": FEW})
     with suppress(NoPlanError):
         planned(Problem.of(small, problem.mixture.workers), Limit(0.0), 1)

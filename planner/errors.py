@@ -19,8 +19,8 @@ class FitError(InputError):
 class NoPlanError(ExpectedError):
     """The search ended without a tree that reaches the goal.
 
-    `success` is the share of the parts within the goal by the best tree, 0 to 1. `cut_short` states that the
-    search was not finished, so that a longer one may find a plan.
+    `success` is the share of the parts that the best tree locates, 0 to 1. `cut_short` states that the search
+    was not finished, so that a longer one may find a plan.
     """
 
     exit_code = ExitCode.NO_PLAN

@@ -5,14 +5,15 @@
     many = gymnasium.make_vec("SqueezeLocalize-v0", num_envs=4096)    # a batch in one call of the kernels
 
 An action either squeezes, for a reward of -1, or declares where the part lies. A declaration ends the
-episode, with a reward of `Pomdp.success` if the pose is within the job's goal and of 0 if it is not. An
-episode also ends if an open finger comes down on the part, and it is truncated at the first squeeze beyond
-`search.max_depth`. The observation is the reading of the encoder, in steps of closing; it begins with 0.
+episode. Its reward is `Pomdp.success` if the declared pose is within the job's goal, else 0. An episode also
+ends if an open finger comes down on the part. It is truncated at the first squeeze beyond `search.max_depth`.
+The observation is the reading of the encoder, in steps of closing; it begins with 0.
 
 With actions "set", an action is an index: first of the job's placements of the hand, then of candidate poses
 to declare (`Pomdp.actions`). With "box", an action is four numbers from -1 to 1: x, y and theta of a pose,
-and its use: to squeeze there if negative, else to declare it. x and y span the region that the part may cover
-before the first squeeze, within the work area; theta spans a full turn (`Episodes.chosen`).
+and its use. A negative use squeezes at the pose, any other declares the pose. x and y span the region that
+the part may cover before the first squeeze, within the work area; theta spans a full turn
+(`Episodes.chosen`).
 
 With `render_mode="rgb_array"`, `render()` draws the part, the fingers, and the belief that a particle filter
 of `RENDERED` states infers from the readings.
@@ -90,14 +91,14 @@ class Episodes:
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
     def begin(self, rows: IntArray | BoolArray, rng: Generator) -> None:
-        """Starts the episodes `rows`, each with a new part."""
+        """Starts the episodes `rows` anew, each with a new part."""
         self.squeezes[rows] = 0
         self.states[rows] = self.model.initial(len(self.squeezes[rows]), rng)
 
     def step(
         self, rows: BoolArray, actions: Actions, rng: Generator
     ) -> tuple[IntArray, Array, BoolArray, BoolArray]:
-        """Acts in the episodes of the mask `rows` (n,); the others stay as they are.
+        """Performs an action in each episode of the mask `rows` (n,); the others stay as they are.
 
         Returns:
             Observations, rewards, whether an episode has ended, and whether it is truncated; each (n,). In
@@ -116,7 +117,7 @@ class Episodes:
 
 
 def _box(job: Job) -> Array:
-    """Least and greatest action (2, 4): the region that the part may cover, any angle, either use."""
+    """Least and greatest action (2, 4): the region that the part may cover, any angle, both uses."""
     span = job.uncertainty.radius_mm + reach(job.part.outline_mm)
     low, high = np.clip(job.cell.work_area_mm, -span, span)
     return np.array([[*low, -np.pi, SQUEEZE], [*high, np.pi, DECLARE]])
@@ -163,7 +164,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         return counts[0], float(rewards[0]), bool(ended[0]), bool(cut[0]), self._info()
 
     def render(self) -> Any:
-        """The part, the fingers and the belief as a picture, or None without `render_mode`."""
+        """Draws the part, the fingers and the belief; returns the picture, or None without `render_mode`."""
         if not self.render_mode:
             return None
         return pixels(self.model, self._episodes.states[0], self._belief, self._last)
@@ -182,7 +183,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
 
 
 class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
-    """Environments in one batch; an episode that has ended restarts at the next step (`NEXT_STEP`)."""
+    """Many environments in one batch; an episode that has ended restarts at the next step (`NEXT_STEP`)."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -208,7 +209,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         return np.full(self.num_envs, 0, np.int64), self._info()
 
     def step(self, actions: Actions) -> tuple[IntArray, Array, BoolArray, BoolArray, Info]:
-        """Acts in the running episodes, and restarts episodes that ended at the step before."""
+        """Performs an action in each running episode, and restarts episodes that ended at the step before."""
         begun = self._over
         if begun.any():
             self._episodes.begin(begun, self.np_random)

@@ -79,10 +79,10 @@ def _push(push: Push, job: Job) -> tables.Push:
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """Returns the least and the greatest reading of each branch: its cluster, with a margin on either side.
+    """Returns the least and the greatest reading of each branch: its cluster's, with a margin added.
 
     A margin is at most half of the gap to the next cluster. A thin part may read like an empty hand; the
-    object flag distinguishes them. So the branch of a thin part extends to the last reading before the
+    object flag distinguishes the two. So the branch of a thin part extends to the last reading before the
     reading of closed jaws.
     """
     resolution = resolution_of(encoder)
@@ -132,9 +132,10 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
 
 
 def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covariance:
-    """Returns the second moments of the parts of the leaf's hypothesis about its pose; 0 without such parts.
+    """Returns the second moments of a belief about the pose of a leaf.
 
-    Lengths are in 0.1 mm, angles in 10 mrad.
+    Only parts of the leaf's hypothesis count; the moments are 0 if there are none. Lengths are in 0.1 mm,
+    angles in 10 mrad.
     """
     named = belief.traits["hypothesis"] == leaf.hypothesis
     offset = belief.poses[named] - tables.predicted_pose(leaf)

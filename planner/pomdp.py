@@ -65,7 +65,7 @@ class Pomdp:
 
     @classmethod
     def of_job(cls, job: Job, workers: int = 1) -> Self:
-        """Builds the problem of a job; simulates parts to find candidate poses, in some tenths of a second.
+        """Builds the POMDP of a job; simulates parts to find candidate poses, in some tenths of a second.
 
         Raises:
             ValueError: the job has several hypotheses.
@@ -117,9 +117,9 @@ class Pomdp:
         return Sampled(states, self.encoder.read(states[:, 3], rng), rewards, ended)
 
     def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:
-        """Probability (n,) of the reading o after action a has led to states s (n, 4).
+        """Probability (n,) of the reading o if action a has led to the states s (n, 4).
 
-        The action does not matter, since the state contains the width that it led to.
+        The result does not depend on the action, since the state contains the width to which the action led.
 
         Raises:
             ValueError: the states are not (n, 4), the action not (4,), or o is no reading.
@@ -134,7 +134,10 @@ class Pomdp:
         return np.asarray(ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise))
 
     def updated(self, belief: Array, a: Array, o: int, rng: Generator) -> Array:
-        """The belief (n, 4) after action a (4,) and reading o: propagated, weighted and resampled.
+        """The belief (n, 4) after action a (4,) and reading o: a step of a particle filter.
+
+        It squeezes the states of `belief` (n, 4), weights the results by the likelihood of o, and resamples
+        them.
 
         Raises:
             ValueError: see `sample`; or o is no reading, or none of the states explains it.

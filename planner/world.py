@@ -1,4 +1,4 @@
-"""Worlds: models of reality that squeeze parts. The planner's own is the stochastic contact world.
+"""Worlds: simulations that squeeze parts. The planner's own world is the stochastic contact world.
 
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
@@ -31,9 +31,9 @@ class World(Protocol):
 
     Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`. A world needs
     `squeeze_many(poses, traits (n,))` to squeeze parts whose latent parameters (traits) are not nominal. For
-    tables that push it needs `push(pose_hand, opening_mm, way_mm) -> final_pose_hand` or
-    `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push the hand goes along its x axis;
-    both poses are in the frame that the hand has at the start.
+    tables that push, a world needs `push(pose_hand, opening_mm, way_mm) -> final_pose_hand` or
+    `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push the hand goes along its x axis.
+    The poses before and after a push are in the frame that the hand has at the start.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -53,7 +53,7 @@ class Worlds(ABC):
 
     @abstractmethod
     def world(self, chunk: int) -> World:
-        """The world of a chunk, by number; each chunk has its own random stream."""
+        """Returns the world of a chunk, given its number; each chunk has its own random stream."""
 
 
 class ContactWorld:
@@ -66,7 +66,7 @@ class ContactWorld:
 
     @classmethod
     def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
-        """A world that squeezes with an existing simulator and the random stream of `seed`."""
+        """Makes a world that squeezes with an existing simulator and the random stream of `seed`."""
         world = cls.__new__(cls)
         world._simulator, world._stated = simulator, as_planned(1)
         world._rng = np.random.default_rng([*seed, SEED_WORLD])
@@ -93,7 +93,7 @@ class ContactWorld:
 
     @property
     def _off(self) -> Array:
-        """Where the fingers meet in the hand frame, as a pose (3,)."""
+        """The point of the hand frame where the fingers meet, as a pose (3,)."""
         return np.array([0.0, self._stated["across_mm"][0], 0.0])
 
     def _felt(self, pose_hand: Pose) -> Array:
@@ -102,11 +102,14 @@ class ContactWorld:
 
     @property
     def _unusual(self) -> tuple[Traits, ...]:
-        """The stated traits; () if they are nominal, since a derived world may not accept traits."""
+        """The traits that the job states, as the last argument of a call; () if they are nominal.
+
+        A derived world may have methods without an argument for traits.
+        """
         return () if ordinary(self._stated).all() else (self._stated,)
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
-        """Squeezes parts at poses (n, 3), each with its own mechanics.
+        """Squeezes parts at poses (n, 3) in the hand frame, each with its own mechanics.
 
         Raises:
             ValueError: see `squeeze`; or the numbers of traits and poses differ.
@@ -131,13 +134,15 @@ class ContactWorld:
     ) -> Array:
         """Pushes parts at poses (n, 3), each with its own mechanics, and returns the final poses (n, 3).
 
+        All poses are in the frame that the hand has at the start.
+
         Raises:
             ValueError: see `push`; or arguments differ in length.
         """
         return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
-        """Whether fingers that come down open to `opening_mm` would stand on a part at a pose.
+        """Whether fingers opened to `opening_mm` would stand on a part at a pose in the hand frame.
 
         Raises:
             ValueError: the pose is not three finite numbers, or the opening is out of range.
@@ -149,7 +154,7 @@ class ContactWorld:
 
 
 class Assorted:
-    """The world of a job with several hypotheses: holds for each one a world without the others."""
+    """The world of a job with several hypotheses: holds one world for each hypothesis."""
 
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds = tuple(worlds)
@@ -160,17 +165,17 @@ class Assorted:
 
 
 def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
-    """Makes the world of a job by a factory; of several hypotheses each gets a world with its own seed."""
+    """Makes the world of a job with the factory `make`; each hypothesis gets a world with its own seed."""
     if not job.hypothesis:
         return make(job, seed)
     return Assorted([make(alone, seed + number) for number, alone in enumerate(job.alone)])
 
 
 def by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Traits]]:
-    """Yields each world in which there are parts, with the rows and the traits of its parts.
+    """Yields each world that has parts, with the rows (m,) and the traits (m,) of its parts.
 
-    Each world of an `Assorted` has a single hypothesis, which is 0 in the yielded traits. A world that is not
-    `Assorted` serves all hypotheses.
+    Each world of an `Assorted` has a single hypothesis, which is number 0 in the yielded traits. A world that
+    is not `Assorted` has the parts of all hypotheses.
 
     Raises:
         ValueError: a part's hypothesis has no world.
@@ -186,7 +191,7 @@ def by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Tr
 
 
 def is_contact(world: World) -> bool:
-    """Whether a world, or for an `Assorted` its world of the first hypothesis, is a contact world."""
+    """Whether a world is a contact world; of an `Assorted` the world of the first hypothesis decides."""
     return isinstance(world.worlds[0] if isinstance(world, Assorted) else world, ContactWorld)
 
 
@@ -206,7 +211,7 @@ class ContactWorlds(Worlds):
 
     @classmethod
     def of_job(cls, job: Job, seed: int, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The worlds of a job; the fingers close in steps of `step_mm`."""
+        """Makes the supply of worlds of a job; the fingers close in steps of `step_mm`."""
         return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
@@ -223,14 +228,14 @@ make = ContactWorld  # the world factory: `make(job, seed)`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedWorlds(Worlds):
-    """Supply of equal worlds by name: calls the factory for each chunk of trials, with another seed."""
+    """Supply of worlds that a factory makes: one for each chunk of trials, each with its own seed."""
 
     name: str  # "module:factory"
     job: Job  # passed to the factory
     seed: int  # the chunks' seeds are drawn from it
 
     def world(self, chunk: int) -> World:
-        """The world of a chunk."""
+        """Makes the world of a chunk, given its number."""
         words = np.random.SeedSequence([self.seed, chunk, SEED_COPY]).generate_state(1)
         return load_world(self.name, self.job, int(words[0]))
 
@@ -250,7 +255,7 @@ def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worl
 
 
 def load_world(name: str, job: Job, seed: int) -> World:
-    """Makes the world "module:factory" of a job; finds modules in the current folder, too.
+    """Makes the world "module:factory" of a job; looks for the module in the current folder, too.
 
     Raises:
         UsageError: the module or factory does not exist or fails, or its result cannot squeeze.

@@ -1,7 +1,8 @@
 """Certificate of a plan: a lower bound on the mean squeezes of all plans that locate parts as well.
 
 The bound holds for plans whose first `DEPTH` squeezes are at placements of the job, along stable sides of the
-part, or at placements of the certified plan. A plan with squeezes at other placements may beat it.
+part, or at placements of the certified plan. A plan that squeezes at other placements may need fewer
+squeezes.
 """
 
 import math
@@ -48,9 +49,9 @@ SEED_PILOTS = 0x50494C4F
 class Covered:
     """Gives the placements that a class of plans may use after a history of squeezes.
 
-    An instance is called with a history, as a `planner.bound.histories.Placements`. Placements about modes
-    are computed from a separate sample, since the class of plans may not depend on the sample that proves the
-    bound.
+    An instance is called with a history; it is a `planner.bound.histories.Placements`. The placements along
+    stable sides are computed from a separate sample of parts, since the class of plans may not depend on the
+    sample that proves the bound.
 
     Attributes:
         first: (k, 3) placements of the first squeeze: the table's, then all others that are not equivalent to
@@ -75,10 +76,10 @@ class Covered:
         self._squeezed = dict[History, Belief]()
 
     def __call__(self, history: History) -> Array:
-        """The placements (k, 3) of the next squeeze.
+        """The placements (k, 3) of the squeeze after a history.
 
-        After the first squeeze, the placement of the table comes last; it is missing where the table has no
-        squeeze after this history.
+        After the first squeeze, the table's placement comes last; it is missing if the table has no squeeze
+        after this history.
         """
         if not history:
             return self.first
@@ -104,7 +105,11 @@ class Covered:
         return parts[parts.reading == reading]
 
     def _node(self, history: History) -> int:
-        """The table's node after a history that follows the table; negative if there is none."""
+        """Index of the node that the table reaches after a history; negative if there is none.
+
+        There is none if a placement of the history differs from the table's, or if the table ends at a leaf
+        or with REJECT.
+        """
         if not history:
             return 0
         *before, option, reading = history
@@ -118,7 +123,7 @@ class Covered:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A proven lower bound on the mean squeezes of plans of the same class as a table."""
+    """A proven lower bound on the mean squeezes of all plans that are as good as a table."""
 
     leaves: Term  # bound for plans whose leaves hold the job's confidence
     overall: Term  # bound for plans that locate the share `success` of all parts
@@ -132,7 +137,7 @@ class Certificate:
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans in the classes of both `leaves` and `overall`: the greater of their bounds."""
+        """The bound for plans in the classes of both `leaves` and `overall`: the greater of the two."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property
@@ -175,7 +180,10 @@ class Certificate:
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
-    """Returns a function that squeezes parts in the world of the evaluation, with their latent parameters."""
+    """Returns a function that squeezes the parts of a belief once, with the latent parameters of each part.
+
+    It draws the mechanics and the noise as in the world of the evaluation.
+    """
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(parts: Belief, placements: Array, rng: Generator) -> tuple[Array, IntArray]:
@@ -195,11 +203,12 @@ def certify(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate:
-    """Proves a lower bound on the mean squeezes of all plans as good as the table, at confidence `CERTAINTY`.
+    """Proves a lower bound on the mean squeezes of all plans that are as good as a table.
 
-    A plan is as good if it locates at least the share of parts that the table locates (lower limit of the
-    table's trials), at leaves that are right as often as the job's goal asks. Its first `DEPTH` squeezes are
-    at placements of the job, along stable sides, or of the table.
+    The bound holds with probability `CERTAINTY`. A plan is as good if it locates at least the share of parts
+    that the table locates (lower limit from the table's trials), at leaves that are right as often as the
+    job's goal asks. Its first `DEPTH` squeezes must be at placements of the job, along stable sides, or of
+    the table.
 
     Args:
         job: the job.

@@ -1,12 +1,14 @@
 """Upper bound on the number of poses that one prediction can locate, by branch and bound.
 
-`planner.belief.metric` climbs to a good pose, which proves nothing about the best one. Here a box that holds
-every prediction in question is covered with cells. No prediction q of a cell about g with radius e, the
-greatest distance of g to a pose of the cell, locates more poses than lie within goal + e of g: d(p, q) < goal
-and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat the best so far are dropped, the
-others are bisected until e is a hundredth of the goal.
+A prediction locates a pose if their distance d is less than the goal. `planner.belief.metric` climbs to a
+good prediction, which proves nothing about the best one. Here a box that holds every prediction in question
+is divided into smaller boxes, the cells. Let g be the middle of a cell and e the greatest distance from g to
+a prediction in the cell. If a prediction q of the cell locates a pose p, then d(p, g) < goal + e, since d(p,
+q) < goal and d(q, g) <= e. So no prediction of the cell locates more poses than lie within goal + e of g.
+Cells that cannot beat the best prediction so far are dropped; the others are bisected until e is a hundredth
+of the goal.
 
-Lengths are in units of the goal, so that it is 1.
+All distances are in units of the goal.
 """
 
 from collections import deque
@@ -29,7 +31,7 @@ MOST_CELLS = 20000  # most cells visited; the bound holds wherever the search en
 def most_located(
     poses: Array, start: IntArray, weights: Array, order: int, workers: int | None = 1
 ) -> IntArray:
-    """For each group of poses, an upper bound on how many lie within the goal of any one pose.
+    """For each group of poses, an upper bound on the number of its poses that one prediction can locate.
 
     Args:
         poses: (n, 3) the groups one after the other [mm, mm, rad].
@@ -39,7 +41,7 @@ def most_located(
         workers: threads that share the groups, all cores if None; the result does not depend on it.
 
     Returns:
-        (k,) counts, never too small; about `LEAST_SHARE` of the group where no prediction locates that many.
+        The bounds (k,). A bound is not made tighter than about `LEAST_SHARE` of its group.
     """
     result, poses = np.zeros(len(start) - 1, np.int64), np.ascontiguousarray(poses)
     pieces = np.unique(np.searchsorted(start, np.arange(0, len(poses), TOGETHER)))
@@ -57,7 +59,7 @@ def most_located(
 def _most_located(
     poses: Array, start: IntArray, weights: Array, order: int, located: IntArray
 ) -> None:
-    """`most_located` of one thread; writes the bounds into `located` (k,)."""
+    """Does the work of `most_located` in one thread; writes the bounds into `located` (k,)."""
     largest, weights_of_part = 1, weights[0]
     for k in range(located.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
@@ -86,19 +88,21 @@ def _most_located(
 def _localise(
     poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
 ) -> bool:
-    """Converts poses to units of the goal, with angles about the middle of the fullest window of two goals.
+    """Converts poses to units of the goal, and their angles to differences from the most frequent angle.
+
+    The difference is taken from the middle of the window of angles, two goals wide, that contains most poses.
 
     Args:
         poses: (n, 3) the poses of a group [mm, mm, rad].
         weights: (6,) weights of the metric, for the part.
         period: period of the angle [rad].
-        least: poses that a prediction must locate to matter, more than half of them.
-        local: receives the poses (n, 3).
+        least: number of poses that a prediction must locate to matter, more than half of them.
+        local: receives the converted poses (n, 3).
         column: (n,) work space.
 
     Returns:
-        Whether the window holds at least `least` poses. If so, every prediction that matters shares poses
-        with it, and its angle lies within two goals of the middle.
+        Whether the window holds at least `least` poses. If so, the angle of every prediction that matters
+        lies within two goals of the middle.
     """
     n = poses.shape[0]
     turn = weights[3] * period
@@ -123,15 +127,15 @@ def _localise(
 def _enclosed(
     local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array
 ) -> bool:
-    """Whether any prediction may locate `least` poses; if so, `cell` receives a box that holds these.
+    """Whether some prediction may locate `least` poses; if so, `cell` receives a box of all such predictions.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
         weights: (6,) weights of the metric, for the part.
         turn: the period of the angles, in units of the goal.
-        least: poses that a prediction must locate to matter.
-        cell: (7,) receives middle and half sides, and n.
+        least: number of poses that a prediction must locate to matter.
+        cell: (7,) receives the middle and half the sides of the box, and n.
     """
     n = local.shape[0]
     for axis in range(2):
@@ -150,18 +154,18 @@ def _enclosed(
 
 @kernel
 def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> int:
-    """Branch and bound over the predictions that may locate more than `best` poses.
+    """Bounds the number of poses that a prediction can locate, by branch and bound over cells of predictions.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         added: whether the metric adds the angle to the distance.
         turn: the period of the angles, in units of the goal.
-        best: number of poses to beat, at least what some prediction locates.
-        stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it;
-            the first row holds the first cell.
+        best: number of poses to beat, at least the number that a known prediction locates.
+        stack: (m, 7) work space: middle and half the sides of each cell, and an upper bound on the poses that
+            a prediction in it locates. The first row holds the first cell.
 
     Returns:
-        An upper bound on the poses that any prediction locates, or `best`.
+        The upper bound; at least `best`.
     """
     size, cells = 1, 0
     while size > 0:

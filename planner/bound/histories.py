@@ -2,7 +2,7 @@
 
 Every part is squeezed at every placement that a plan might choose first, and after each of these squeezes
 again at every placement. Parts with the same placements and readings so far share a history. After a history
-a plan either chooses the next placement, or claims a pose: it predicts that the part lies there.
+a plan either squeezes at a next placement, or claims a pose: it predicts that the part lies there.
 """
 
 from collections.abc import Callable
@@ -45,20 +45,23 @@ class Level(NamedTuple):
     placement: IntArray  # (o,) index of the placement, among all placements after that history
 
     def joined(self, more: "Level") -> "Level":
-        """Returns this level followed by the histories of `more`, whose squeezes are renumbered."""
+        """Returns a level with the histories of this level, then those of `more`.
+
+        The squeezes of `more` get new numbers, which follow those of this level.
+        """
         more = more._replace(option=more.option + len(self.owner))
         return Level(*(np.concatenate(columns) for columns in zip(self, more, strict=True)))
 
 
 class Lying(NamedTuple):
-    """Poses of the parts of a level's histories, grouped by history."""
+    """Where the parts of a level's histories lie, grouped by history."""
 
     poses: Array  # (n, 3) [mm, mm, rad]
     part: IntArray  # (n,) index of each part in the sample
     start: IntArray  # (h + 1,) first row of each history, then n
 
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
-        """The rows (m,) of the parts of some histories, and for each row the index into `histories`."""
+        """The rows (m,) of the parts of the given histories, and for each row the position in `histories`."""
         size = np.diff(self.start)[histories]
         before = np.cumsum(size) - size
         rows = np.arange(size.sum()) + np.repeat(self.start[histories] - before, size)
@@ -66,14 +69,14 @@ class Lying(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """Lengths of histories, in squeezes."""
+    """Limits on the lengths of histories, in squeezes."""
 
     tried: int  # length up to which all placements are tried
     most: int  # greatest length of any history
 
 
 class Histories:
-    """The histories of a sample of parts: all histories up to a depth, and longer ones on request."""
+    """The histories of a sample of parts: all histories up to a length, and longer ones on request."""
 
     def __init__(
         self,
@@ -86,7 +89,7 @@ class Histories:
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:
-        """Tries all placements on parts (n,), in histories of up to `depths.tried` squeezes."""
+        """Squeezes the sample `parts` at all placements, in histories of up to `depths.tried` squeezes."""
         self._squeeze, self._placements = squeeze, placements
         self._parts, self._metric = parts, metric
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
@@ -108,11 +111,11 @@ class Histories:
         return result
 
     def extend(self, level: int, chosen: IntArray) -> None:
-        """Tries all placements after some of a level's histories.
+        """Squeezes the parts of some of a level's histories at all placements; stores the longer histories.
 
         Args:
-            level: length of the histories.
-            chosen: numbers of histories that were not extended before.
+            level: length of the histories to extend.
+            chosen: numbers of these histories in the level; none may have been extended before.
         """
         choices = [self._placements(self.history(level, int(number))) for number in chosen]
         count = np.array([len(choice) for choice in choices])
@@ -145,9 +148,10 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """Upper bound on the parts of each group that one answer of `metric.modes` poses locates.
+        """Upper bound (k,) on the parts of each group that one answer locates.
 
-        Group k has the rows of `poses` from `start[k]` to `start[k + 1]` - 1.
+        An answer states `metric.modes` poses. Group i has the rows of `poses` from `start[i]` to `start[i +
+        1]` - 1.
         """
         metric = self._metric
         most = most_located(poses, start, metric.weights(), metric.order, self._workers)
@@ -155,7 +159,7 @@ class Histories:
 
 
 def _together(pieces: list[Lying]) -> Lying:
-    """The parts of several sets of histories, one after the other."""
+    """Joins the groups of parts of several sets of histories, one set after the other."""
     if not pieces:
         return Lying(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(1, np.int64))
     poses, part, starts = zip(*pieces, strict=True)

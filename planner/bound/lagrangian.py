@@ -2,17 +2,17 @@
 
 A plan claims parts where it ends a history with a predicted pose. A class of plans (`leaves_term`,
 `overall_term`) has a constraint on the parts that a plan claims and does not locate. The relaxation drops the
-constraint and charges a price, in squeezes, for each such part: the multiplier of the constraint. Without the
-constraint the cheapest plan on a sample of parts is found history by history; its cost is a lower bound for
+constraint, and charges a price in squeezes for each such part: the multiplier of the constraint. Without the
+constraint the cheapest plan on a sample of parts is found history by history. Its cost is a lower bound for
 every plan of the class on this sample.
 
 The best plan of the class does not depend on the sample. But on the sample this plan may take more squeezes
-and miss more parts than on average. Chernoff's inequality for a mean of independent numbers in [0, 1]
-(Hoeffding 1963, Theorem 1),
+and miss more parts than on average. How many more, is bounded by Chernoff's inequality for the mean of n
+independent numbers in [0, 1] of expectation mu (Hoeffding 1963, Theorem 1):
 
-    P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
+    P(mean - mu >= x) <= exp(-n KL(mu + x || mu)).
 
-bounds by how many. The price may be chosen after the sample is drawn.
+The price may be chosen after the sample is drawn.
 """
 
 import math
@@ -41,8 +41,8 @@ class Term(NamedTuple):
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
     """The bound for plans in which each leaf that claims a pose locates a share `confidence` of its parts.
 
-    At least a share `success` of all parts ends in such leaves. With probability `certainty` this bound and
-    the bound of `overall_term` both hold.
+    At least a share `success` of all parts must end in such leaves. With probability `certainty` this bound
+    and the bound of `overall_term` both hold.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
@@ -60,17 +60,20 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 
 
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
-    """Least mean cost of any plan on the sample: squeezes, and a price for each claimed part that is missed.
+    """Least mean cost of any plan on the sample: its squeezes, and `price` for each claimed part it misses.
 
-    To claim n parts, of which m are located, costs price * (confidence n - m). After a history without longer
-    histories in `levels`, to go on costs one squeeze a part, and no part is counted as missed.
+    To claim n parts, of which m are located, costs price * (confidence n - m). If a plan continues beyond the
+    histories in `levels`, each part costs one more squeeze and none counts as missed.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
 
 
 def worth_trying(levels: list[Level], level: int, price: float, confidence: float) -> IntArray:
-    """The histories of a level where the cheapest plan squeezes again, but which were not extended yet."""
+    """Histories of a level after which the cheapest plan squeezes again, and which are not yet extended.
+
+    The result holds their numbers in the level.
+    """
     values = _values(levels, price, confidence)
     reached = np.zeros(1, np.int64)
     for depth in range(level):
@@ -86,9 +89,10 @@ def worth_trying(levels: list[Level], level: int, price: float, confidence: floa
 def _values(
     levels: list[Level], price: float, confidence: float
 ) -> list[tuple[Array, Array, IntArray]]:
-    """For the histories (h,) of each level: least cost, cost of another squeeze, and the best placement.
+    """Least cost, cost of another squeeze, and best placement of the histories (h,) of each level.
 
-    The placement is -1 for a history that was not extended.
+    Costs are sums over the parts of a history. The best placement is an index into the squeezes of the next
+    level; -1 for a history that was not extended.
     """
     results = list[tuple[Array, Array, IntArray]]()
     for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):
@@ -107,12 +111,12 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """Returns the bound at the price that gives the greatest one.
+    """Returns the bound at the price at which it is greatest.
 
     Args:
         estimates: least cost on the sample at each price.
-        sampled: least cost at each price, with the allowance for the sample's misses; costs lie between 1 and
-            depth + 1.
+        sampled: least cost at each price, less an allowance for parts that the sample misses by chance; costs
+            lie between 1 and depth + 1.
         levels: the histories.
         error: probability with which the bound on the mean cost may fail.
         unclaimed: squeezes to subtract for parts that are not claimed.
@@ -124,12 +128,12 @@ def _best(
 
 
 def divergence(x: float, mean: float) -> float:
-    """Kullback-Leibler divergence of a coin of probability x from one of `mean`, both in [0, 1]."""
+    """Kullback-Leibler divergence of a coin with probability x from a coin with probability `mean`."""
     return float(rel_entr(x, mean) + rel_entr(1.0 - x, 1.0 - mean))
 
 
 def upper_tail(mean: float, n: int, error: float) -> float:
-    """Value that the sample mean of n independent numbers in [0, 1] exceeds with probability <= `error`.
+    """Value that the mean of n independent numbers in [0, 1] exceeds with probability `error` at most.
 
     Each number has the expectation `mean`.
     """
@@ -137,15 +141,18 @@ def upper_tail(mean: float, n: int, error: float) -> float:
 
 
 def least_mean(sample: float, n: int, error: float) -> float:
-    """Least expectation of n independent numbers in [0, 1] that the sample mean `sample` does not exclude.
+    """Least expectation of n independent numbers in [0, 1] that is compatible with their mean `sample`.
 
-    With a lower expectation, the sample mean would be `sample` or more with probability <= `error`.
+    With a smaller expectation, a mean of `sample` or more would have at most the probability `error`.
     """
     return _crossing(lambda x: n * divergence(sample, x), sample, 0.0, error)
 
 
 def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
-    """Argument at which exp(-exponent), which is 1 at `start`, falls to `error`; `end` if it stays above."""
+    """Argument between `start` and `end` at which exp(-exponent) falls to `error`; `end` if it never does.
+
+    exp(-exponent) is 1 at `start` and falls towards `end`.
+    """
     near, far = start, end
     for _ in range(BISECTIONS):
         middle = 0.5 * (near + far)

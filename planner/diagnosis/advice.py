@@ -80,7 +80,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
 
 
 class Advice(NamedTuple):
-    """The share of parts that are not located for each cause, and the remedies."""
+    """The share of parts that are not located, by cause, and the remedies."""
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
@@ -161,7 +161,7 @@ def counsel(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:
-    """Returns the advice on a plan with gains and margins, for which it runs trials.
+    """Runs trials to measure the gains and margins of a plan, and returns the advice based on them.
 
     `table` and `evaluation` come from a plan of `planner.compile.compile_job`.
     """

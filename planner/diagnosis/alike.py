@@ -17,7 +17,7 @@ ANGLES = 3600  # number of angles sampled within the uncertainty
 
 
 class Alike(NamedTuple):
-    """A turn of a part that no squeeze detects, but that the goal asks to distinguish."""
+    """A turn of a part that changes no reading, although the goal distinguishes the two poses."""
 
     name: str  # name of the part
     degrees: float  # angle of the turn
@@ -30,11 +30,11 @@ class Alike(NamedTuple):
 
     @property
     def hopeless(self) -> bool:
-        """Whether no search can help: for all poses the turned part is possible and exactly alike."""
+        """Whether no search can find a plan: all turned parts are possible, and exactly alike."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:
-        """States what looks alike and what to change, for people."""
+        """States which poses look alike and what to change, for people."""
         differs = "its outline is the same"
         if self.apart_mm > symmetry.TOLERANCE_MM:
             differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
@@ -52,7 +52,10 @@ class Alike(NamedTuple):
 
 
 def alike(job: Job) -> list[Alike]:
-    """For each part of a job, the turn, if any, that no squeeze detects but that the goal distinguishes."""
+    """Finds, for each part of a job, a turn that no squeeze detects but that the goal distinguishes.
+
+    Parts without such a turn are left out of the list.
+    """
     return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 
@@ -60,8 +63,8 @@ def refuse_alike(job: Job) -> None:
     """Refuses a job for which no search can find a plan.
 
     Raises:
-        NoPlanError: each part has for every pose a second one that reads the same in all squeezes, and the
-            goal distinguishes the two.
+        NoPlanError: for every pose of every part there is a second pose that gives the same readings in all
+            squeezes, and the goal distinguishes the two.
     """
     result = alike(job)
     if len(result) == len(job.alone) and all(each.hopeless for each in result):
@@ -69,10 +72,15 @@ def refuse_alike(job: Job) -> None:
 
 
 def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
-    """The turn of the part number `index` of a job that leaves most parts within the uncertainty, if any.
+    """Finds a turn of one part that no squeeze detects but that the goal distinguishes; None without one.
 
-    `alone` is the job of that part alone. An outline without rotational symmetry is compared with the turn
-    that changes it least.
+    Of several such turns, the result is the one after which most parts are still within the uncertainty. If
+    the outline has no rotational symmetry, the turn that changes it least is examined.
+
+    Args:
+        job: the job with all its parts.
+        alone: the job of this part alone.
+        index: number of the part in `job`.
     """
     outline, stated = alone.part.outline_mm, alone.part.symmetry
     order, grain_mm = symmetry.order(outline), encoder_of(job).grain_mm
@@ -100,7 +108,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
 
 
 def _share(turn: float, halfwidth: float) -> float:
-    """Share of the angles in +-`halfwidth` that remain there when turned by +`turn` or by -`turn` [rad]."""
+    """Share of the angles in +-`halfwidth` that stay there if turned by +`turn` or by -`turn` [rad]."""
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)

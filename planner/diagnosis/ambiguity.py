@@ -1,4 +1,4 @@
-"""Poses that a plan leaves open, and squeezes that would distinguish them."""
+"""Finds the poses that a plan leaves open, and squeezes that would distinguish them."""
 
 import math
 from typing import Any, NamedTuple
@@ -58,7 +58,7 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """An unresolved leaf, with the main poses of its parts and a squeeze that distinguishes two of them."""
+    """An unresolved leaf: the main poses of its parts, and a squeeze that distinguishes two of them."""
 
     leaf: int  # index of the leaf
     share: float  # share of all parts that end at the leaf
@@ -94,7 +94,7 @@ class Ambiguity(NamedTuple):
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """Returns the unresolved leaves with most parts, at most `most` of them, the most frequent first.
+    """Returns the unresolved leaves where most parts end, at most `most` of them, the most frequent first.
 
     Leaves with fewer than `LEAST_TRIALS` parts are left out.
     """
@@ -117,9 +117,10 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
     """Finds the main poses of parts that lie at `here` (n, 3), n >= 1, or their scatter about a single pose.
 
-    A leaf may be unresolved although it has a single main pose. Parts farther than `APART` from this pose
-    are then taken to lie elsewhere: if they are more than half of the parts outside the goal, their main pose
-    is added as a second one, else the scatter of all other parts is measured.
+    A leaf may be unresolved although it has a single main pose. Its parts farther than `APART` from this pose
+    may then lie at another pose. If they are more than half of the parts outside the goal, their most
+    frequent pose is added as a second main pose. Otherwise the result states how far the remaining parts
+    scatter about the single pose.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -137,7 +138,7 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
 def _separator(pair: Array, job: Job, simulator: Simulator, rng: Generator) -> Separator | None:
     """Finds the squeeze whose mean widths at two poses differ most, in units of their scatter.
 
-    A squeeze that holds the part in both poses is preferred to any that misses it in one.
+    A squeeze that holds the part in both poses is preferred to all squeezes that miss it in one of them.
 
     Returns:
         The squeeze; None if none of `HANDS` placements distinguishes the poses.

@@ -13,9 +13,10 @@ HARDLY = 0.01  # share of located trials below which a part, one of several, get
 
 
 def warnings_of(job: Job) -> list[str]:
-    """Returns warnings about finger tips near the table or the part's top, and about goals large for a part.
+    """Returns warnings about finger tips near the table or near the part's top, and about goals too large.
 
-    Each warning is a sentence without its full stop; it names the part if there are several.
+    A goal is too large if it says little about where a part of this width lies. Each warning is a sentence
+    without its full stop. It names the part if there are several.
     """
     results = []
     for alone in job.alone:
@@ -36,7 +37,7 @@ def warnings_of(job: Job) -> list[str]:
 
 
 def hardly_located(evaluation: Evaluation) -> Iterator[str]:
-    """Yields a warning for each of several parts that hardly any trial locates."""
+    """Yields a warning for each hypothesis whose parts hardly any trial locates."""
     for number, part in enumerate(evaluation.table.hypotheses):
         located = evaluation.success[evaluation.traits["hypothesis"] == number]
         if len(located) and (rate := located.mean()) < HARDLY:

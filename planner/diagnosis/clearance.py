@@ -58,7 +58,10 @@ def shortage(job: Job) -> Shortage | None:
 
 
 def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """The least number for which a condition holds, by bisection; it holds at `high` and not at `low`."""
+    """Finds by bisection the least number for which `holds` is true.
+
+    The condition must be true at `high` and false at `low`.
+    """
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
@@ -66,7 +69,11 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
-    """Whether some placement of the hand is free of collision for all parts, with this opening and disc."""
+    """Whether some placement of the hand, open to `opening_mm`, collides with none of the parts.
+
+    The parts may lie anywhere in a disc of `radius_mm`, at the angles of the job. The share of collisions
+    that the goal allows does not count.
+    """
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening_mm)
     poses = _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
     turned = np.zeros((TURNS, 3))
@@ -82,7 +89,10 @@ def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
 
 
 def _is_met(job: Job) -> bool:
-    """Whether a job has one hypothesis, and one pose has all initial poses within its goal."""
+    """Whether the goal of a job is met before any squeeze: one pose has all initial poses within the goal.
+
+    False if the job has several hypotheses.
+    """
     poses = _poses(job.uncertainty.radius_mm, job.uncertainty.orientation_halfwidth_deg)
     return len(job.alone) == 1 and metric_of(job).mode(poses).ratio == 1.0
 
@@ -98,7 +108,7 @@ def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
 
 
 def no_first_squeeze(job: Job) -> str:
-    """The reason why a job has no first squeeze and the remedy, as a sentence without its full stop."""
+    """States why a job has no first squeeze, and the remedy, as a sentence without its full stop."""
     more = "actions" if job.actions.pushes else "actions or pushes"
     if _is_met(job):
         done = "the goal is met before any squeeze"

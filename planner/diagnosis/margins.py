@@ -49,7 +49,10 @@ def margins_of(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Margins:
-    """Runs a table with widths offset to either side, on `trials` parts each, and returns its margins."""
+    """Runs a table on `trials` parts with all widths too large, and on as many with all widths too small.
+
+    Returns the margins of the table. The widths are off by `OFFSET` times the encoder's grain.
+    """
     seed = job.seed + SEED_MARGINS
     lines = sweep(table, job, offset_cases(job), trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
@@ -58,9 +61,10 @@ def margins_of(
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts with a reading that a small offset of the widths moves to another branch.
+    """Share of the parts with a reading so near another branch that a small offset of the width changes it.
 
-    The offset is at most `OFFSET` times the encoder's grain, the scatter of the readings of one width.
+    The offset is at most `OFFSET` times the encoder's grain, which is the scatter of the readings of one
+    width.
     """
     encoder = encoder_of_table(table)
     lookup = Lookup.of([decision_map(node, table.gripper).either for node in table.nodes])

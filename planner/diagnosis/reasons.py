@@ -1,4 +1,4 @@
-"""Classifies the reason why a part cannot be located: it lies with the part, the gripper or the search."""
+"""Classifies why a part cannot be located: because of the part, the gripper or the search."""
 
 from typing import NamedTuple
 
@@ -32,8 +32,9 @@ class Reason(NamedTuple):
 def likeness(job: Job, cut: bool = False) -> Reason | None:
     """Finds a turn after which the gripper cannot distinguish the part from its former pose.
 
-    Compares the outline, or else its convex hull, with itself after the turn. A hull that is alike proves
-    nothing, since fingers may reach the rest of the outline; it is left out if the search was `cut` short.
+    The outline is compared with itself after the turn, and then the convex hull with the turned hull. A hull
+    that looks the same is only a hint, since fingers may reach the rest of the outline. So the hull is not
+    compared if the search was `cut` short.
 
     Returns:
         The reason; None if every turn changes the compared shapes by more than the gripper resolves.

@@ -1,4 +1,7 @@
-"""Named cases: simulated worlds that differ from the plan's assumptions, one list for each use."""
+"""Lists of cases: a case is a named simulated world that differs from the plan's assumptions.
+
+Each use has its own list.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -51,7 +54,7 @@ class Condition(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A world that differs from the plan's assumptions."""
+    """A simulated world that differs from the plan's assumptions."""
 
     name: str  # the difference, in words
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # in the form of `Job.replaced`
@@ -59,7 +62,7 @@ class Case(NamedTuple):
     broken: Condition | None = None  # the assumption that the world violates
 
     def job(self, planned: Job) -> Job:
-        """The true parts and gripper of this world.
+        """The job with the changes of this case: it states the true parts and gripper of the world.
 
         Raises:
             InputError: the changed job is invalid.
@@ -67,7 +70,7 @@ class Case(NamedTuple):
         return planned.replaced(f"the world with {self.name}", **self.changes)
 
     def stated(self) -> dict[str, str]:
-        """The changes as the option `--world-set` takes them: texts of values, by "section.key"."""
+        """The changes as values of the option `--world-set`: the text of each value, by "section.key"."""
         return {
             f"{section}.{key}": str(value)
             for section, values in self.changes.items()
@@ -76,7 +79,7 @@ class Case(NamedTuple):
 
 
 def standard_cases(job: Job) -> list[Case]:
-    """Cases of `plan-evaluate --sweep`, the plan's world first: pressure, friction, encoder and others."""
+    """Cases of `plan-evaluate --sweep`: the plan's world, then other pressures, frictions, encoders etc."""
     gripper, low, high = job.gripper, job.friction.finger_part_min, job.friction.finger_part_max
     share = gripper.upper_finger_share
     aside = [*_beside(share, 0.1), *_beside(share, 0.05)]
@@ -126,7 +129,7 @@ def believed_cases(job: Job) -> list[Case]:
 
 
 def _stands(case: Case, job: Job) -> bool:
-    """Whether the changes of a case leave `job` valid; a finger share above 1, for instance, does not."""
+    """Whether `job` is valid with the changes of a case; a finger share above 1 is not, for instance."""
     try:
         case.job(job)
     except InputError:
@@ -135,7 +138,10 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """Two cases in which the encoder's zero is shifted up or down by `OFFSET` times `Encoder.grain_mm`."""
+    """Two cases in which the encoder's zero is shifted down or up by `OFFSET` times `Encoder.grain_mm`.
+
+    The grain is the scatter of the readings of one width.
+    """
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
@@ -155,7 +161,7 @@ def noise_cases(job: Job) -> list[Case]:
 
 
 def friction_cases(job: Job) -> list[Case]:
-    """Cases for control charts: as planned, then the interval of friction times each of `FACTORS`."""
+    """Cases for control charts: the planned friction, then its interval multiplied by each of `FACTORS`."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = [Case(PLANNED)]
     for factor in FACTORS:
@@ -201,7 +207,7 @@ def assumption_cases(job: Job) -> list[Case]:
 
 
 def on_three_feet(job: Job) -> Case:
-    """The case of a part that stands on the three corners of its hull with the largest triangle."""
+    """The case of a part that stands on three corners of its convex hull, those of the largest triangle."""
     corners = stances(job.part.outline_mm)
     widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
     points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}
@@ -210,7 +216,10 @@ def on_three_feet(job: Job) -> Case:
 
 
 def friction(low: float, high: float, broken: Condition | None = None) -> Case:
-    """The case of other bounds on the friction between finger and part, capped at `MOST_FRICTION`."""
+    """The case in which the friction between finger and part lies from `low` to `high`.
+
+    Both bounds are capped at `MOST_FRICTION`. `broken` is the assumption that the case violates, if any.
+    """
     low, high = min(low, MOST_FRICTION), min(high, MOST_FRICTION)
     return Case(f"friction {low:g} to {high:g}", _bounds(low, high), broken=broken)
 
@@ -224,8 +233,8 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     """The case of fingers that close unevenly: the upper one makes `share` of the closing.
 
     The fingers then meet beside the planned place, by (planned share - `share`) (opening - width). No width
-    reveals this shift. If `centred`, the hand is calibrated such that the shift vanishes at the part's
-    narrowest width; only the effect of an uneven squeeze on the part remains.
+    reveals this shift. If `centred`, the hand is calibrated such that the shift is 0 at the part's narrowest
+    width, so that an uneven squeeze affects only how the part moves.
     """
     more = share - job.gripper.upper_finger_share
     name, changes = f"upper finger moves {share:.0%}", {"gripper": {"upper_finger_share": share}}
@@ -250,18 +259,21 @@ def _encoder_off(mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The condition that the upper finger's share stays below `share`; above `share` if `more` is false."""
+    """The condition that the upper finger's share stays below `share`, or above it if `more` is false."""
     side = "below" if more else "above"
     return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 
 
 def _beside(share: float, more: float) -> list[float]:
-    """The shares `share - more` and `share + more`, without those outside 0 to 1."""
+    """The two shares `share - more` and `share + more`, without a share outside 0 to 1."""
     return [round(other, 6) for other in (share - more, share + more) if 0.0 <= other <= 1.0]
 
 
 def _other_surface(job: Job) -> list[Case]:
-    """The case of a quartic limit surface in place of an ellipsoid, or the reverse; empty for other forms."""
+    """A list with the case of the other form of limit surface: quartic for an ellipsoid, or the reverse.
+
+    The list is empty if the job states the limit surface itself.
+    """
     form = job.pressure.limit_surface
     if form is None:
         return []

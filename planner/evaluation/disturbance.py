@@ -1,4 +1,4 @@
-"""Errors of a simulated cell besides the mechanics: errors of the encoder's zero and of the arm."""
+"""Errors of a simulated cell besides its mechanics: an offset of the encoder, and errors of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class Disturbance:
     def bias(self) -> Array:
         """Error (3,) of the arm's frame in the world [mm, mm, rad].
 
-        All motions share this error, also the motion to a leaf's pose: the table's poses are in the arm's
-        frame.
+        All motions have this error, including the motion to a leaf's pose, since the table's poses are in the
+        arm's frame.
         """
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 
@@ -46,8 +46,8 @@ class Disturbance:
             job: states the parts.
             n: number of parts.
             rng: draws the hypothesis of each part and its latent parameters.
-            foreign: whether the world is not the contact world, so that it has errors of its own. Then only
-                the hypotheses are drawn, unless `believed`.
+            foreign: whether the parts are in another world than the contact world. Such a world has errors of
+                its own, so only the hypotheses are drawn, unless `believed`.
         """
         if foreign and not self.believed:
             traits = hypotheses_of(job, n, rng)

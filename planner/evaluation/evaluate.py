@@ -39,9 +39,9 @@ def chunks_of(trials: int) -> list[Chunk]:
 def run_chunk(
     program: Program, job: Job, world: World | Worlds, seed: int, cell: Disturbance, chunk: Chunk
 ) -> Evaluation:
-    """Runs the trials of one chunk, also in another process.
+    """Runs the trials of one chunk and returns their outcomes; a scheduler may call it in another process.
 
-    The chunk gets the world with its number if `world` is a supply (`Worlds`).
+    If `world` is a supply (`Worlds`), the chunk gets the world with the chunk's number.
     """
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
@@ -58,12 +58,12 @@ def evaluate(
     disturbance: Disturbance = NONE,
     report: Report = silent,
 ) -> Evaluation:
-    """Runs a table on parts, in chunks of 1000.
+    """Runs a table on simulated parts, in chunks of 1000, and returns the outcome of each part.
 
     Args:
         table: the table.
         job: states the true parts and gripper; may differ from the job that the table was compiled from.
-        world: one world, in which chunks run one after another, or a supply of a world for each chunk, so
+        world: one world, in which chunks run one after another, or a supply of worlds, one for each chunk, so
             that workers share the chunks.
         trials: number of parts, at least 1.
         seed: determines initial poses, latent parameters, encoder noise and the arm's errors; the world has a
@@ -83,7 +83,7 @@ def evaluate(
 
 
 class Line(NamedTuple):
-    """The evaluation of one case."""
+    """A case, and the evaluation of a table in it."""
 
     case: Case
     evaluation: Evaluation
@@ -101,8 +101,8 @@ def sweep(
 ) -> Iterator[Line]:
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
-    `worlds` builds the worlds for a case's job; if None, they are contact worlds of the seed. See `evaluate`
-    for the other arguments.
+    Yields a line for each case. `worlds` builds the worlds for a case's job; if None, they are contact worlds
+    with the seed `seed`. See `evaluate` for the other arguments.
     """
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))
@@ -112,5 +112,5 @@ def sweep(
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:
-    """The line with the largest number of wrong answers; None if there are no lines."""
+    """The case with the most wrong answers, and its evaluation; None if there are no lines."""
     return max(lines, key=lambda line: line.evaluation.wrong.sum(), default=None)

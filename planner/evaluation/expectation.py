@@ -1,4 +1,4 @@
-"""Expected readings of a healthy cell's encoder at each node of a table, and at other frictions.
+"""Counts the readings to expect at each node of a table, in a healthy cell and at other frictions.
 
 `grasp-audit report --expected` compares the readings in journals with these counts.
 """
@@ -21,7 +21,7 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """Yields the name of each of `friction_cases`, with a histogram of the readings at each node."""
+    """Yields the "name" of each of `friction_cases`, and histograms of the "readings" at the nodes."""
     for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
@@ -38,6 +38,6 @@ def readings(evaluation: Evaluation, table: Table) -> IntArray:
 
 
 def bins_of(table: Table, steps: IntArray) -> IntArray:
-    """Indices of the histogram bins of readings, which count the steps that the jaws have closed."""
+    """Index of the histogram bin of each reading; `steps` holds readings, in steps of closing."""
     gripper = table.gripper
     return np.asarray((gripper.steps - steps) // gripper.steps_a_bin)

@@ -38,7 +38,7 @@ class Answer(NamedTuple):
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
     def line(self) -> str:
-        """The leaf, its share and the widths of both parts as one line of text."""
+        """States the leaf, its share, and the widths of the foreign part and the job's part, in one line."""
         named = "" if self.part is None else f" as {self.part}"
         message = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
         if self.apart_mm is not None:
@@ -47,7 +47,7 @@ class Answer(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """Trials of one foreign part, and the leaves that took it for a part of the job."""
+    """The trials of one foreign part, and the leaves that took it for a part of the job."""
 
     name: str
     evaluation: Evaluation
@@ -87,10 +87,11 @@ class Tried(NamedTuple):
 
 
 def family(job: Job) -> tuple[Job, ...]:
-    """Jobs of generated foreign parts: each part a tenth smaller and larger, and others of similar width.
+    """Generates foreign parts that resemble the parts of a job; returns each as the job of a single part.
 
-    The others are a disc of the part's mean width, and a rectangle of its least and greatest width. All press
-    evenly on the table. Parts that do not fit between the open fingers are left out.
+    For each part of the job these are the part a tenth smaller and a tenth larger, a disc of its mean width,
+    and a rectangle of its least and greatest width. All press evenly on the table. Parts that do not fit
+    between the open fingers are left out.
     """
     turns = 2.0 * np.pi / DISC_SIDES * np.arange(DISC_SIDES)
     disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
@@ -116,7 +117,7 @@ def tried(
     parts: Sequence[Job],
     evaluated: Callable[[Job], Evaluation],
 ) -> Iterator[Tried]:
-    """Runs a table on foreign parts, and yields the answers to each of them.
+    """Runs a table on foreign parts, and yields for each its trials and the leaves that answered them.
 
     Args:
         table: the table.
@@ -132,7 +133,10 @@ def tried(
 
 
 def widths_differ_mm(one: Outline, other: Outline) -> float:
-    """The largest difference of two outlines' widths over all directions, at the turn that makes it least."""
+    """Largest difference between the widths of two outlines in any direction [mm].
+
+    One outline is first turned such that this difference is least.
+    """
     first, second = _all_widths(one), _all_widths(other)
     turned = np.array([np.roll(first, turn) for turn in range(DIRECTIONS)])
     return float(np.abs(turned - second).max(axis=1).min())
@@ -153,7 +157,7 @@ def _answers(
 
 
 def _widths(evaluation: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
-    """The median width at each squeeze on the way to a leaf [mm]; empty where no part ended there."""
+    """The median width at each squeeze on the way to a leaf [mm]; empty if no part ended at the leaf."""
     here = evaluation.leaf == leaf
     if not here.any():
         return ()

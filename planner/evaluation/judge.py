@@ -1,4 +1,4 @@
-"""Judges whether a leaf is right about a part, for all kinds of goals of a table."""
+"""Judges whether the pose that a leaf states is right for a part, for every kind of goal of a table."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ LEAST_SHARE = 0.1  # poses with a smaller share of a leaf's parts are scatter
 
 
 def metric_of_table(table: Table) -> Metric:
-    """The metric of poses, with its tolerance, by which the table's goal is judged."""
+    """The metric that measures the distance of two poses for a table's goal, with the goal's tolerance."""
     goal, (x_um, y_um, theta_urad) = table.goal, table.goal.tolerance
     distance_mm, rho_mm = goal.distance_um / 1e3, goal.rho_um / 1e3
     tolerance = (x_um / 1e3, y_um / 1e3, theta_urad / 1e6)
@@ -21,7 +21,7 @@ def metric_of_table(table: Table) -> Metric:
 
 
 def states_of(table: Table, leaf: Leaf) -> Array:
-    """All poses (m, 3) that a leaf answers with; (m, 4) with their hypotheses, if the table has several."""
+    """All poses (m, 3) that a leaf states; (m, 4) with their hypotheses, if the table has several."""
     poses = np.array(poses_of(table.goal, leaf))
     return np.column_stack([poses, hypotheses_of(table.goal, leaf)]) if table.hypotheses else poses
 
@@ -40,7 +40,9 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
 
 
 def errors_mm(table: Table, leaf: IntArray, poses: Array) -> Array:
-    """Audit metric (n,) (paper eq. 9) from true poses to the nearest pose of the parts' leaves [mm].
+    """Error (n,) of the leaf of each part: distance from the true pose to the leaf's nearest pose [mm].
+
+    The distance is the audit metric (paper eq. 9).
 
     Args:
         table: the table.
@@ -53,13 +55,19 @@ def errors_mm(table: Table, leaf: IntArray, poses: Array) -> Array:
 
 
 def within_goal(table: Table, leaf: IntArray, poses: Array) -> BoolArray:
-    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; see `errors_mm`."""
+    """Mask (n,) of the parts whose true pose is within the goal of some pose of their leaf.
+
+    See `errors_mm` for the arguments.
+    """
     metric = metric_of_table(table)
     return np.asarray((_distances(table, leaf, poses, metric) < metric.goal).any(axis=1))
 
 
 def _distances(table: Table, leaf: IntArray, poses: Array, metric: Metric) -> Array:
-    """Distances (n, m) to each pose of the parts' leaves; leaves of fewer than m poses repeat theirs."""
+    """Distances (n, m) from each part's true pose to the poses of its leaf; infinite without a leaf.
+
+    A leaf of fewer than m poses repeats its poses.
+    """
     answers = [states_of(table, each) for each in table.leaves]
     most = max(map(len, answers))
     said = np.array([np.resize(each, (most, each.shape[1])) for each in answers])

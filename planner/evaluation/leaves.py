@@ -1,4 +1,4 @@
-"""Comparison of a table's leaves with fresh trials: calibration of their probabilities, and confusions."""
+"""Compares a table's leaves with fresh trials: their stated probabilities, and leaves that are confused."""
 
 from collections import Counter
 from typing import Any, NamedTuple
@@ -49,11 +49,11 @@ class Reliability(NamedTuple):
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
-    """Compares the leaves' predictions with fresh trials, for leaves with `LEAST_VISITS` or more.
+    """Compares the leaves' predictions with fresh trials; leaves with fewer than `LEAST_VISITS` are left out.
 
-    The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
-    among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
-    95 %.
+    The probability that the table states is itself an estimate: k hits in n trials. Under Jeffreys' prior the
+    number of hits among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2). The
+    prediction holds if the observed number lies in the central 95 % of this distribution.
     """
     from scipy.stats import betabinom  # importing scipy.stats takes a second
 
@@ -103,7 +103,7 @@ class Mistake(NamedTuple):
 
 
 class Identities(NamedTuple):
-    """The names that leaves gave to parts, counted over all trials."""
+    """How often the leaves gave each name to the parts of each hypothesis."""
 
     names: tuple[str, ...]  # names of the hypotheses
     named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none
@@ -128,7 +128,7 @@ class Identities(NamedTuple):
 
 
 def identities(table: Table, evaluation: Evaluation) -> Identities:
-    """Counts the parts of each hypothesis by the name that their leaf gave them."""
+    """Counts how often the leaves gave each name to the parts of each hypothesis."""
     number = len(table.hypotheses)
     said = np.array([leaf.hypothesis for leaf in table.leaves])[np.maximum(evaluation.leaf, 0)]
     said = np.where(evaluation.resolved, said, number)
@@ -138,9 +138,9 @@ def identities(table: Table, evaluation: Evaluation) -> Identities:
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
-    """Index (n,) of the leaf whose pose is nearest to each true pose (n, 3 or 4) in the world.
+    """Index (n,) of the leaf with the pose nearest to each true pose (n, 3 or 4) in the world.
 
-    `NO_LEAF` marks the poses that are within the goal of no leaf.
+    The index is `NO_LEAF` for a true pose that is not within the goal of any leaf.
     """
     metric = metric_of_table(table)
     answers = (states_of(table, leaf) for leaf in table.leaves)
@@ -150,7 +150,10 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
-    """Counts trials with a wrong leaf by the leaf reached and the leaf nearest to the part, most first."""
+    """Counts the trials that ended at a wrong leaf, for each pair of wrong leaf and leaf nearest to the part.
+
+    The most frequent pair comes first.
+    """
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
     truth = nearest_leaf(table, evaluation.states[failed]).tolist()
@@ -163,7 +166,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
 
 
 def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
-    """At most `most` confident wrong answers: those with the largest errors, the worst first."""
+    """The at most `most` confident wrong answers with the largest errors, the largest error first."""
     wrong = np.flatnonzero(evaluation.wrong)
     order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
     encoder, mistakes = encoder_of_table(table), list[Mistake]()

@@ -1,4 +1,4 @@
-"""Puts the figures of an evaluation into its table: probabilities are measured, not believed.
+"""Puts the figures of an evaluation into its table, in place of the planner's own estimates.
 
 Branches that lead only to leaves that no trial reached are removed: their widths become REJECT.
 """
@@ -25,10 +25,10 @@ def with_figures(
     """Puts measured figures into the leaves and branches of a table.
 
     A leaf becomes unresolved if its trials refute it in a binomial test against the goal's confidence; the
-    level of the test holds for all leaves together. The alternatives of the leaf are then the other main
-    poses of its parts. A leaf that no part reached keeps its figures, which are tested, too. A leaf also
-    becomes unresolved if the jaws could not hold a part at the leaf's pose: the few trials of such a leaf are
-    squeezes that the simulator gave up.
+    level of the test holds for all leaves together. Its alternatives are then the other main poses of the
+    parts that ended there. A leaf that no part reached keeps its figures, and the test uses these. A leaf
+    also becomes unresolved if the jaws could not hold a part at the leaf's pose: the few trials of such a
+    leaf are squeezes that the simulator gave up.
 
     Returns:
         The new table, and the evaluation with the new table, so that `resolved` agrees with its leaves.
@@ -42,7 +42,7 @@ def with_figures(
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
-    """The table with success rate, squeezes and errors of its evaluation stored as its prediction."""
+    """Returns the table with the success rate, squeezes and errors of an evaluation as its prediction."""
     figures = evaluation.summary()
     median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
@@ -67,7 +67,7 @@ def leading(table: tables.Table, reached: Collection[int]) -> list[list[int]]:
 
 
 def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
-    """The table with only the branches `kept` at each node; the subtrees of the others are removed, too.
+    """Returns the table with only the branches `kept` at each node, and without the subtrees of all others.
 
     Widths of removed branches become REJECT; neighbouring branches do not take them over.
     """
@@ -86,7 +86,7 @@ def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
 
 
 def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job) -> tables.Leaf:
-    """The leaf of this index with the figures of its trials, unresolved if they refute it."""
+    """Returns the leaf number `index` with the figures of its trials, unresolved if they refute it."""
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     # A leaf without trials is tested again: its figures were tested at the level of more leaves.
@@ -115,7 +115,10 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 
 
 def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Leaf:
-    """The leaf; its alternatives are the main poses of its parts that are not its predicted pose."""
+    """Returns an unresolved leaf with alternatives: the main poses of its parts but the predicted one.
+
+    `states` are the final poses of the parts.
+    """
     metric = metric_of_table(evaluation.table)
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     alternatives = [
@@ -127,7 +130,10 @@ def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Le
 
 
 def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:
-    """The nodes with measured shares of their branches, where at least `LEAST_VISITS` parts came."""
+    """Returns the nodes of a table, with the measured shares of their branches.
+
+    A node that fewer than `LEAST_VISITS` parts reached keeps its shares.
+    """
     nodes = []
     for index, node in enumerate(table.nodes):
         taken = evaluation.branch[evaluation.path == index]
@@ -148,8 +154,8 @@ def _branches(
 ) -> list[tables.Branch]:
     """Returns the branches `numbers` of a node.
 
-    If other branches are left out, each of these is narrowed to the widths that select it in the whole node,
-    and the shares are scaled to add up to 1.
+    If the node has other branches, each returned branch is narrowed to the widths that select it in the whole
+    node, and the shares are scaled to add up to 1.
     """
     if len(numbers) == len(node.branches):
         return list(node.branches)

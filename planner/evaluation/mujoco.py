@@ -1,6 +1,6 @@
 """A world for comparison: squeezes as rigid-body dynamics in MuJoCo (Todorov, Erez and Tassa 2012).
 
-The part is a prism that stands on feet, with mass; jaws of finite force and speed close on it. Nothing here
+The part is a prism that stands on feet and has mass; jaws of finite force and speed close on it. Nothing here
 is quasi-static: no limit surface, no LCP. Values that a job does not state are constants below; none was
 tuned to a result. Lengths in the model are metres.
 
@@ -102,7 +102,7 @@ class RigidWorld:
         return _pose(data)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
-        """Whether fingers opened to `opening_mm` would stand on the part."""
+        """Whether fingers opened to `opening_mm` would stand on the part at a pose in the hand frame."""
         jaws = jaws_of(self._job.gripper)
         return stands_on(self._job.part.outline_mm, jaws, pose_hand, opening_mm)
 
@@ -164,10 +164,10 @@ make = RigidWorld  # the world factory: `make(job, seed)`
 
 
 def feet(job: Job) -> tuple[Array, Array]:
-    """Points (m, 2) where the part touches the table, and the centre of pressure (2,), in its frame [mm].
+    """Points (m, 2) where the part touches the table, and the centre of pressure (2,).
 
-    All feet are equally stiff: if the centre of mass is above the centre of pressure, evenly spaced feet
-    carry equal loads.
+    Both are in the part's frame [mm]. All feet are equally stiff. So evenly spaced feet carry equal loads if
+    the centre of mass is above the centre of pressure.
 
     Raises:
         ValueError: the job gives a limit surface in place of a pressure.
@@ -190,7 +190,7 @@ def _pose(data: Any) -> Pose:
 
 
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
-    """The MuJoCo model of table, part and fingers; `add_fingers` takes the height of the part [m]."""
+    """The MuJoCo model of table, part and fingers; `add_fingers` receives the height of the part [m]."""
     spec = mujoco.MjSpec()
     for kind in (spec.default.geom, spec.default.equality):
         kind.solref, kind.solimp = STIFF
@@ -221,12 +221,12 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
-    """Adds the side of the prism: corners that meet a finger's face, faces that meet a finger's corner.
+    """Adds the side of the prism: corners to touch fingers' faces, and faces to touch fingers' corners.
 
     A corner is a pair of tiny spheres, at the lowest and the highest point that a finger can touch; a face is
-    a thin plate. Contacts of spheres with boxes have closed forms. For contacts of convex meshes, MuJoCo
-    searches: a few degrees from flush it returns the normal of the wrong face, and a squeeze that should jam
-    slips.
+    a thin plate. MuJoCo computes contacts of spheres with boxes in closed form. For contacts of convex meshes
+    it searches: a few degrees from flush the search returns the normal of the wrong face, and a squeeze that
+    should jam slips.
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
@@ -257,7 +257,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
 
 
 def _add_post(body: Any, x: float, y: float, ends: tuple[float, float], **kind: Any) -> None:
-    """Adds a vertical edge at (x, y): a tiny sphere at each of its ends, which are heights [m]."""
+    """Adds a vertical edge at (x, y): a tiny sphere at each of the two heights `ends` [m]."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
         _add_sphere(body, ROUND_M, [x, y, z], **kind)
 

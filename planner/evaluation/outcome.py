@@ -1,4 +1,4 @@
-"""Outcomes of trials, one row a part, and the figures of all."""
+"""The outcomes of many trials of a table, with one row for each part, and the figures of all trials."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -38,17 +38,17 @@ class Evaluation:
 
     @cached_property
     def error_mm(self) -> Array:
-        """(n,) audit metric from the true pose to the leaf's nearest pose; infinite without a leaf [mm]."""
+        """(n,) audit metric from the true pose to the leaf's nearest pose [mm]; infinite without a leaf."""
         return errors_mm(self.table, self.leaf, self.states)
 
     @cached_property
     def within(self) -> BoolArray:
-        """(n,) whether some pose of the leaf is within the goal of the true pose."""
+        """(n,) whether the true pose is within the goal of some pose of the leaf."""
         return within_goal(self.table, self.leaf, self.states)
 
     @cached_property
     def resolved(self) -> BoolArray:
-        """(n,) whether the leaf claims to know the pose."""
+        """(n,) whether the trial ended in a leaf that claims to know the pose."""
         known = np.array([leaf.resolved for leaf in self.table.leaves])
         return np.asarray((self.leaf >= 0) & known[np.maximum(self.leaf, 0)])
 
@@ -64,17 +64,17 @@ class Evaluation:
 
     @property
     def states(self) -> Array:
-        """(n, 3) final poses; (n, 4) with the hypothesis, if any is not the first."""
+        """(n, 3) final poses; (n, 4) with the hypothesis last, if a part has another than the first one."""
         return with_hypothesis(self.poses, self.traits)
 
     @property
     def success(self) -> BoolArray:
-        """(n,) whether the trial ended in a resolved leaf within the goal."""
+        """(n,) whether the trial ended in a resolved leaf, with the true pose within the goal."""
         return np.asarray(self.resolved & self.within)
 
     @property
     def wrong(self) -> BoolArray:
-        """(n,) whether the trial ended in a resolved leaf, but not within the goal: confident and wrong."""
+        """(n,) whether the trial ended in a resolved leaf, but the true pose is not within the goal."""
         return np.asarray(self.resolved & ~self.within)
 
     @property
@@ -93,7 +93,7 @@ class Evaluation:
         return int(np.sum(self.leaf == CRASHED))
 
     def summary(self, takt_s: float | None = None) -> dict[str, Any]:
-        """The figures of `plan-evaluate --json`; with a takt [s], the share of parts done within it, too."""
+        """The figures of `plan-evaluate --json`; with a takt [s], also the share of parts done within it."""
         n, known = len(self.leaf), self.error_mm[self.resolved]
         errors = np.quantile(known, ERROR_SHARES).tolist() if len(known) else []
         successes, wrong = int(self.success.sum()), int(self.wrong.sum())
@@ -113,12 +113,12 @@ class Evaluation:
         }
 
     def of_rows(self, rows: IntArray) -> Self:
-        """The trials with these indices, which may repeat."""
+        """An evaluation with only the trials `rows`, in this order; an index may occur several times."""
         return type(self)(self.table, *(column[rows] for column in self._columns()))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Joins evaluations of one table, at least one, to an evaluation of all their trials in order."""
+        """Joins evaluations of one table, at least one, into an evaluation of all their trials in order."""
         columns = zip(*(part._columns() for part in parts), strict=True)
         return cls(parts[0].table, *map(np.concatenate, columns))
 

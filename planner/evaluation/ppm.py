@@ -1,13 +1,14 @@
 """Rates of rare wrong answers of a table in parts per million, with upper bounds, from millions of trials.
 
-The sums of a chunk of trials do not depend on the worker that runs it, so a study resumes from the sums of
-earlier chunks. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
-copies of equal weight. Each copy draws the mechanics of its further squeezes afresh: sums of weights stay
-unbiased, and many more outcomes judge a rare leaf. Numbers of copies are powers of two, so that sums of
-weights are exact.
+A study runs in chunks of trials, and adds up their outcomes. The outcomes of a chunk do not depend on the
+worker that runs it, so that a study may continue from the saved sums of earlier chunks.
+
+Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several copies of equal
+weight. Each copy draws the mechanics of its further squeezes afresh: sums of weights stay unbiased, and many
+more outcomes judge a rare leaf. Numbers of copies are powers of two, so that sums of weights are exact.
 
 The bounds require only that parts are independent, and that the weight of a part's wrong copies lies between
-0 and 1; both hold for any splitting.
+0 and 1. Both hold for any splitting.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ class Sums(NamedTuple):
 
     @classmethod
     def of_document(cls, document: dict[str, Any], leaves: int) -> Self:
-        """Reads the output of `document`.
+        """Converts the output of the method `document` back to sums.
 
         Raises:
             KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
@@ -98,12 +99,12 @@ class Study:
     job: Job  # the true parts and gripper
     worlds: Worlds  # worlds that squeeze the parts, one for each chunk
     seed: int  # seed of all random draws
-    # (N,) copies of a part at each node, splits at ancestors included; powers of two.
+    # (N,) total number of copies of a part at each node, with those made at earlier nodes; powers of two.
     copies: IntArray
     disturbance: Disturbance  # errors of the cell
 
     def identity(self, world: str) -> str:
-        """Digest of everything that the sums of a study depend on.
+        """Digest of everything on which the sums of a study depend.
 
         Args:
             world: the world and its changes, in words.
@@ -136,7 +137,11 @@ def _sum(group: IntArray, weight: Array, groups: int) -> Array:
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
-    """Sums (leaves + 1,) of squared weights of parts in each leaf; last, of their weights in all leaves."""
+    """Sums of squared weights: for each leaf, over the parts in it; last, over all parts (leaves + 1,).
+
+    The weight of a part in a leaf is that of all its copies in the leaf. The last sum squares the weight of
+    each part in all leaves together.
+    """
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))
     whole = _sum(part, weight, 0)
@@ -144,7 +149,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
 
 
 def copies_of(table: Table) -> IntArray:
-    """Number of copies of a part at each node, from the share of all parts that the table predicts there.
+    """Number of copies of a part to follow at each node; more at nodes that few parts are predicted to reach.
 
     Args:
         table: a table of N nodes, children after their parents.
@@ -171,13 +176,13 @@ class Bound(NamedTuple):
 
     @classmethod
     def of(cls, total: float, parts: int) -> Self:
-        """Bounds of the mean of independent weights in [0, 1], one for each part, after any number of parts.
+        """Bounds the mean of independent weights in [0, 1], one weight for each part.
 
-        The bounds are a confidence sequence. Let S be the sum of n weights and m their true mean. For any
-        constant p in (0, 1), (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1. So has its
-        mixture over p with the beta distribution `PRIOR`, which therefore ever exceeds 1 / ERROR with
-        probability ERROR at most (Ville 1939; Howard et al. 2021, section 3.2, beta-binomial mixture). The
-        bounds enclose all m for which it does not.
+        The bounds are a confidence sequence: they hold for all numbers of parts at once. Let S be the sum of
+        n weights and m their true mean. For any constant p in (0, 1), (p / m)^S ((1 - p) / (1 - m))^(n - S)
+        has expectation at most 1. So has its mixture over p with the beta distribution `PRIOR`. Therefore the
+        mixture ever exceeds 1 / ERROR with probability ERROR at most (Ville 1939; Howard et al. 2021, section
+        3.2, beta-binomial mixture). The bounds enclose all m for which the mixture does not exceed 1 / ERROR.
 
         Args:
             total: sum S of the weights.
@@ -203,7 +208,7 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
 
     Args:
         study: the study.
-        sums: sums of the chunks that were run earlier, none of them in part.
+        sums: sums of the whole chunks that were run earlier.
         parts: total number of parts at the end; rounded up to whole chunks.
         scheduler: runs the chunks; the sums do not depend on it.
 
@@ -226,7 +231,7 @@ class Findings:
 
     @classmethod
     def of(cls, sums: Sums) -> Self:
-        """The results of sums over at least one part."""
+        """Computes the results from sums over at least one part."""
         wrong = Bound.of(float(sums.wrong.sum()), sums.parts)
         return cls(sums, wrong, [Bound.of(float(total), sums.parts) for total in sums.wrong])
 
@@ -287,7 +292,7 @@ class Findings:
 
 
 def resumed(path: Path, identity: str, leaves: int) -> Sums:
-    """The sums in a file; empty sums where there is no file.
+    """Reads the sums of a study from a file; returns empty sums if there is no file.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Shares of all parts in percent, rounded so that printed numbers add up."""
+"""Shares of parts by outcome, in percent, rounded so that the printed numbers add up to 100."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ DECIMALS = 2
 
 
 class Shares(NamedTuple):
-    """Outcomes of all parts of an evaluation [percent]; the five add up to 100."""
+    """Shares of the parts of an evaluation by outcome [percent]; the five add up to 100."""
 
     located: float
     wrong: float
@@ -19,15 +19,15 @@ class Shares(NamedTuple):
 
 
 def shares_of(figures: dict[str, Any]) -> Shares:
-    """The shares of figures as `Evaluation.summary` returns them."""
+    """Computes the shares from the figures that `Evaluation.summary` returns."""
     crashed = figures["crashes"] / figures["trials"]
     return Shares(*rounded([*(figures[name] for name in OUTCOMES), crashed]))
 
 
 def rounded(shares: Sequence[float]) -> list[float]:
-    """Converts shares, 0 to 1, to rounded percent by the largest remainder, so that their sum is kept.
+    """Converts shares from 0 to 1 to percent, rounded by the largest remainder so that their sum is kept.
 
-    A share above 0 is not rounded to 0; therefore 100 stands only for all parts.
+    A share above 0 is not rounded to 0. So 100 is printed only where all parts have one outcome.
     """
     unit = 10**DECIMALS
     exact = [100.0 * unit * share for share in shares]

@@ -1,6 +1,6 @@
-"""Computes how long trials take from their paths, by the table's model of time.
+"""Computes how long trials take, from their paths through the table and by the table's model of time.
 
-Parts follow one another: for each part, the hand starts where it left the previous part.
+The trials follow one another: for each part, the hand starts where it left the previous part.
 """
 
 from functools import cache
@@ -16,7 +16,7 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
 
     Args:
         table: the table that the trials ran.
-        path: (n, d) the nodes passed, in order, then negative.
+        path: (n, d) the nodes passed, in order, then negative numbers.
         reading: (n, d) the reading at each node, as `Evaluation.reading`.
         branch: (n, d) the branch taken at each node, negative for none.
     """

@@ -43,12 +43,15 @@ class Lookup(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[Segments]) -> Self:
-        """The lookup whose rows are the step functions `rows`."""
+        """Builds the lookup of several step functions; row k looks up in the function `rows[k]`."""
         starts = [SPAN * row + np.array(each.starts_um) for row, each in enumerate(rows)]
         return cls(np.concatenate(starts), np.concatenate([each.branches for each in rows]))
 
     def segment(self, row: IntArray, width_um: IntArray) -> IntArray:
-        """Indices (n,) of the segments that contain non-negative widths (n,) [um] in rows (n,)."""
+        """Index (n,) of the segment that contains each width (n,) [um] in the step function of its row (n,).
+
+        The widths must not be negative.
+        """
         return np.searchsorted(self.start, SPAN * row + width_um, side="right") - 1
 
 
@@ -68,7 +71,7 @@ class Program:
 
     @classmethod
     def of(cls, table: Table) -> Self:
-        """The arrays of a table, with the nominal widths of its gripper."""
+        """Converts a table to arrays, with the nominal width that belongs to each reading of its gripper."""
         placement = np.array([placement_of(node.squeeze) for node in table.nodes])
         rows, target, drag = list[Segments](), list[int](), list[Array]()
         for node, place in zip(table.nodes, placement[:, :2], strict=True):
@@ -89,7 +92,7 @@ class Program:
         )
 
     def segment(self, node: IntArray, reading: IntArray) -> IntArray:
-        """Indices (n,) of the segments of `lookup` for readings (n,), as in `Step.reading`, at nodes (n,)."""
+        """Index (n,) of the segment of `lookup` for each reading (as in `Step.reading`) at a node (n,)."""
         width_um = self.encoder.width_um(reading >> 1)
         return self.lookup.segment(2 * node + (reading & 1), width_um)
 
@@ -101,7 +104,7 @@ def encoder_of_table(table: Table) -> Encoder:
 
 
 class Step(NamedTuple):
-    """Result of squeezing n parts once, each at its own node: poses, readings and branches taken."""
+    """Result of squeezing n parts once, each at the node it has reached: poses, readings, branches."""
 
     before: Array  # (n, 3) poses in the world before the squeeze [mm, mm, rad]
     after: Array  # (n, 3) poses after the squeeze, with the jaws closed
@@ -117,12 +120,12 @@ class Step(NamedTuple):
         return self.reading >> 1
 
     def through(self, branch: int) -> Array:
-        """Poses (m, 3), after the release, of the parts that take a branch, which may be `REJECT`."""
+        """Poses (m, 3), after the release, of the parts that took a branch; `REJECT` counts as a branch."""
         return np.asarray(self.released[self.branch == branch])
 
 
 class Split(NamedTuple):
-    """Trials of parts, some of them followed as several copies; a row is a part or one of its copies."""
+    """Trials in which some parts are followed as several copies; each row is a part or one of its copies."""
 
     evaluation: Evaluation
     part: IntArray  # (n,) number of the part
@@ -159,7 +162,8 @@ class Cell:
 
         Returns:
             Poses (n, 3) of the parts after the pushes, poses (n, 3) of the hand, and a mask (n,) of the parts
-            that a finger came down on, which stops the arm; False where the world cannot say.
+            that a finger came down on, which stops the arm. The mask is False where the world cannot detect
+            this.
         """
         program = self.program
         poses, pushed_on = self.pushed(node, poses, traits)
@@ -168,9 +172,13 @@ class Cell:
         return poses, placement, pushed_on | self._standing_on(hand, opening_mm, traits)
 
     def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
-        """Poses (n, 3) after the pushes at the parts' nodes; mask (n,) of parts that a finger came down on.
+        """Pushes each part as its node states.
 
         See `come_down` for the arguments.
+
+        Returns:
+            Poses (n, 3) of the parts after the pushes, and a mask (n,) of the parts that a finger came down
+            on.
 
         Raises:
             UsageError: the world cannot push.
@@ -214,11 +222,12 @@ class Cell:
         return self.split(trials, np.ones(len(self.program.table.nodes), np.int64)).evaluation
 
     def split(self, parts: int, copies: IntArray) -> Split:
-        """Runs the table on parts, at least 1, each followed as several copies from rare nodes on.
+        """Runs the table on parts, at least 1; from rare nodes on, each part is followed as several copies.
 
         Args:
             parts: number of parts.
-            copies: (N,) copies of a part at each node, splits at ancestors included; powers of two.
+            copies: (N,) total number of copies of a part at each node, including those made at earlier nodes;
+                powers of two.
         """
         poses, nodes = initial(self.job, parts, self.rng), np.zeros(parts, np.int64)
         foreign = not is_contact(self.world)
@@ -261,9 +270,9 @@ class Cell:
         return Split(result, part, weight)
 
     def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
-        """Mask (n,) of parts, at poses (n, 3) in the hand frame, that a finger comes down on.
+        """Mask (n,) of the parts, at poses (n, 3) in the hand frame, that a finger comes down on.
 
-        It is False where the world cannot say.
+        The mask is False where the world cannot detect this.
         """
         gripper, stopped = self.job.gripper, np.zeros(len(hand), np.bool_)
         hand = hand.copy()
@@ -282,7 +291,10 @@ class Cell:
 
 
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
-    """Final poses of parts pushed from poses (n, 3) in the hand frame, as a batch if the world can."""
+    """Pushes parts at poses (n, 3) in the hand frame, in a batch if the world can.
+
+    Returns the final poses (n, 3), in the frame that the hand had at the start.
+    """
     final = np.empty_like(hand)
     for part_world, rows, alone in by_world(world, traits):
         many, one = (getattr(part_world, name, None) for name in ("push_many", "push"))

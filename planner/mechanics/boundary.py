@@ -1,7 +1,7 @@
 """Moving boundaries that push a part: closing fingers, or a pusher that is carried along a path.
 
-Coordinates are in the frame of the hand or of the pusher. A part that moves along with a pusher is at rest
-in this frame: its pose stays the same to the last bit, whatever the length of the way and of the steps.
+Coordinates are in the frame of the hand or of the pusher. A part that moves along with a pusher is at rest in
+the pusher's frame: its pose there stays the same to the last bit, however long the path and the steps are.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -63,13 +63,13 @@ class Drive(NamedTuple):
 
 @inlined_kernel
 def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
-    """The displacement of the boundary in its next step, to first order.
+    """Computes how far a boundary moves in its next step, from its velocity after the distance `done`.
 
     Args:
         boundary: the fingers or the pusher.
         size: length of the step [mm].
-        done: distance that the boundary has moved before the step [mm].
-        q: (3,) pose of the part in the boundary's frame.
+        done: distance that the boundary has moved so far [mm].
+        q: (3,) present pose of the part, in the boundary's frame.
     """
     turn = size * boundary.turn
     c, s = 1.0, 0.0
@@ -82,7 +82,7 @@ def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
 
 @inlined_kernel
 def hand_of(boundary: Boundary, faces: Array) -> Hand:
-    """The fingers of a boundary, with their inner faces at y = `faces` (2,) [mm]."""
+    """Returns the fingers of a boundary, with their inner faces at y = `faces` (2,) [mm]."""
     h, thickness, apart = boundary.h, boundary.thickness, boundary.apart
     first = Finger(1, -apart, faces[0], h, thickness)
     return Hand(first, Finger(boundary.facing, apart, faces[1], h, thickness), boundary.fingers)
@@ -90,9 +90,9 @@ def hand_of(boundary: Boundary, faces: Array) -> Hand:
 
 @inlined_kernel
 def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None:
-    """Computes for each contact the moments (the Jacobian of eq. 2) and the boundary's displacement.
+    """Computes the moments (the Jacobian of eq. 2) and the boundary's displacement at each contact.
 
-    The results are the fields n2, t2, un and ut of the first `count` records of `contacts`.
+    The results are written into the fields n2, t2, un and ut of the first `count` records of `contacts`.
     """
     for k in range(count):
         contact = contacts[k]
@@ -107,7 +107,8 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
     """Converts the displacements of part and boundary from the table's frame to the boundary's, in place.
 
-    V (3,) is the displacement of the part; un and ut of each contact are the displacement of the boundary.
+    V (3,) holds the displacement of the part. The fields un and ut of each contact hold the displacement of
+    the boundary. `drive` states how the boundary's frame moves over the table.
     """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
@@ -127,12 +128,12 @@ def turn(
     drive: Drive,
     radius: float,
 ) -> None:
-    """Updates place and normal of each contact while the part moves from pose q to pose `half`.
+    """Moves the places and normals of the contacts while the part moves from pose q to pose `half`.
 
-    The midpoint rule uses this. The gaps stay as they are. The part turns by an angle whose cosine and sine
-    are `turned`, and the fingers close by half of `drive`. The normal of an edge turns with the part. The
-    normal at a vertex is that of the finger; at a round tip (of `radius`) it points from the centre of the
-    tip to the vertex.
+    The midpoint rule uses this to place the contacts in the middle of a step. The gaps stay as they are. The
+    part turns by an angle whose cosine and sine are `turned`, and the fingers close by half of `drive`. The
+    normal of an edge turns with the part. The normal at a vertex is that of the finger, which does not turn;
+    at a round tip (of `radius`) it points from the centre of the tip to the vertex.
     """
     c, s = turned
     for k in range(count):

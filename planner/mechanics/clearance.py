@@ -42,8 +42,8 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
     Args:
         points: (2, N) outline of the part in the hand frame [mm].
         finger: 1 for the upper finger, which looks down; -1 for the lower.
-        face: y of its inner face [mm].
-        h: half its length [mm].
+        face: y of the finger's inner face [mm].
+        h: half the length of the finger [mm].
 
     Returns:
         The distance; infinite where the part lies beside or behind the finger.
@@ -83,7 +83,7 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
     """Whether the part overlaps the box of a finger, so that the finger cannot be set down.
 
-    The arguments are those of `clearance`, and the finger's thickness [mm].
+    `thickness` is the thickness of the finger [mm]; the other arguments are those of `clearance`.
     """
     n = points.shape[1]
     inside = False
@@ -102,7 +102,10 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
 
 @inner_kernel
 def stand(points: Array, top: float, bottom: float, h: float, thickness: float) -> bool:
-    """Whether either finger is `blocked`, with the inner faces at y = top and y = bottom [mm]."""
+    """Whether one of two fingers overlaps the part; their inner faces are at y = top and y = bottom [mm].
+
+    Such a finger cannot be set down.
+    """
     return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
 
 
@@ -132,7 +135,7 @@ def free_closing(
 def _room(points: Array, opening: float, h: float, thickness: float) -> float:
     """Least distance along y between the open fingers and the part [mm]; -1 if a finger stands on the part.
 
-    The distance counts as half the opening at most.
+    The result is at most half the opening.
     """
     top = 0.5 * opening
     if stand(points, top, -top, h, thickness):
@@ -195,9 +198,9 @@ def _free(
     spared: int,
     free: BoolArray,
 ) -> None:
-    """Writes into `free` (k,) which placements clear the part by `least` [mm].
+    """Writes into `free` (k,) whether the open fingers clear the part by `least` [mm] at each placement.
 
-    A placement may violate this at `spared` poses of the belief at most.
+    The clearance may be smaller at up to `spared` poses of the belief.
     """
     h, points, pose = 0.5 * jaws.length_mm + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
     reach = np.sqrt((outline[0] ** 2 + outline[1] ** 2).max())
@@ -226,8 +229,8 @@ def least_clearance(
 ) -> float:
     """Least distance along the closing direction between open fingers and the part, over a belief [mm].
 
-    The part has an outline (N, 2) [mm] and believed poses (n, 3) in the world; the pose of the hand in the
-    world is `placement` (3,). The fingers count as `margin_mm` longer at both ends.
+    The part has the outline (N, 2) [mm] and lies at any of the believed poses (n, 3) in the world. The hand
+    is at the pose `placement` (3,) in the world. The fingers count as `margin_mm` longer at both ends.
 
     Returns:
         The distance, at most half the opening; -1 where a finger would stand on the part.
@@ -251,9 +254,10 @@ def _first_contacts(
 
 
 def first_contacts_mm(outline: Array, jaws: Jaws, poses: Array, share: Array) -> Array:
-    """Greatest width (n,) at which closing jaws may touch a part first, at each of its poses [mm].
+    """For each pose of a part, an upper bound (n,) on the width at which closing jaws first touch it [mm].
 
-    The width is 0 where they never touch it. The fingers count as `SIDE_MARGIN_MM` longer at both ends.
+    The bound is 0 where the jaws never touch the part. It counts the fingers as `SIDE_MARGIN_MM` longer at
+    both ends.
 
     Args:
         outline: (N, 2) outline of the part [mm].
@@ -277,8 +281,8 @@ def free_placements(
 ) -> BoolArray:
     """Mask (k,) of placements at which open fingers clear the part by at least `least_mm`.
 
-    Placements (k, 3) and believed poses (n, 3) are in the world. The clearance may be smaller at a share
-    `share` of the poses. If `share` is 0 and `least_mm` at most half the opening, the mask equals
+    Placements (k, 3) and believed poses (n, 3) are in the world. The clearance may be smaller at a fraction
+    `share` of the poses. If `share` is 0 and `least_mm` is at most half the opening, the mask equals
     `least_clearance(...) >= least_mm`, but takes less time.
     """
     free = np.empty(len(placements), np.bool_)

@@ -1,11 +1,13 @@
-"""One, two and three contacts in closed form: every mode of sliding and sticking, tried in turn.
+"""Solves the step for one, two or three contacts in closed form: tries the modes of sliding and sticking.
 
-A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
-slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode
-is a linear system of order one to three, whose solution solves eqs 3-5 if its forces and slips have the right
-signs. Two contacts that both stick have one condition too many; neighbouring modes cover them. Where three
-contacts slide, their normals determine the motion, the motion determines the senses of the slips, and the
-senses determine the forces.
+In a mode, each contact either slides or sticks. A contact that slides in the sense s = +-1 has a force of
+unknown magnitude along N + s mu T, and one condition on the motion, along N. A contact that sticks has
+unknown forces along N and T, and conditions along N and T. With G = [N T]^T A [N T], every mode is a linear
+system of order one to three. Its solution solves eqs 3-5 if the forces and slips have the right signs.
+
+The mode in which two contacts stick has more conditions than the motion has components; it is left out, since
+the neighbouring modes cover it. Where three contacts slide, their normals determine the motion, the motion
+determines the senses of the slips, and the senses determine the forces.
 """
 
 import numpy as np
@@ -35,10 +37,10 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
 
 @inlined_kernel
 def one_contact(A: Array, contact: Contact, mu: float) -> int:
-    """Solves eqs 1-5 for one contact alone: stick, else slide along the edge of the friction cone.
+    """Finds the force at a single contact by eqs 1-5: the contact sticks, or else slides.
 
-    A (3, 3) is in the hand frame; the forces of the contact are modified in place. Returns
-    `SOLVED`, or `RAY` where neither is consistent.
+    A (3, 3) is the matrix of the limit surface in the hand frame. The forces of the contact are modified in
+    place. Returns `SOLVED`, or `RAY` if the contact can neither stick nor slide.
     """
     nx, ny, n2, t2 = contact.nx, contact.ny, contact.n2, contact.t2
     a = form(A, nx, ny, n2, nx, ny, n2)
@@ -61,7 +63,7 @@ def one_contact(A: Array, contact: Contact, mu: float) -> int:
 
 @inlined_kernel
 def _gram(A: Array, i: Contact, j: Contact, G: Array) -> None:
-    """Writes W^T A W for W = [N_i, T_i, N_j, T_j] into `G` (4, 4)."""
+    """Writes the matrix W^T A W of two contacts, with W = [N_i, T_i, N_j, T_j], into `G` (4, 4)."""
     for p in range(4):
         one, tangent = (i if p < 2 else j), p % 2 == 1
         f0, f1 = (-one.ny, one.nx) if tangent else (one.nx, one.ny)
@@ -110,7 +112,7 @@ def _one_sticks(
     Args:
         i: the sticking contact.
         j: the sliding contact.
-        o: row of contact i's normal in G: 0 if i is its first contact, else 2.
+        o: row of contact i's normal in G: 0 if i is the first contact of G, 2 if i is the second.
         mu_i: friction coefficient of contact i.
         mu_j: friction coefficient of contact j.
         sj: sense of the slip at contact j, 1 or -1.
@@ -143,9 +145,10 @@ def _one_sticks(
 
 @inlined_kernel
 def two_contacts(A: Array, i: Contact, j: Contact, mu_i: float, mu_j: float, G: Array) -> int:
-    """Solves eqs 1-5 for contacts i and j, if both press; see `one_contact`. G is a (4, 4) workspace.
+    """Finds the forces at contacts i and j by eqs 1-5, if both press; G is a (4, 4) workspace.
 
-    Returns `SOLVED`, or `RAY` where no mode in which both contacts press is consistent.
+    The forces are stored in the contacts. Returns `SOLVED`, or `RAY` where no mode in which both contacts
+    press is consistent. See `one_contact` for A.
     """
     _gram(A, i, j, G)
     for si in (1.0, -1.0):
@@ -180,10 +183,11 @@ def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, fl
 def three_contacts(
     A: Array, contacts: Contacts, active: IntArray, mu_top: float, mu_bottom: float, G: Array
 ) -> int:
-    """Solves eqs 1-5 for the three active contacts, if all press and slide; G is a (4, 4) workspace.
+    """Finds the forces at the three active contacts by eqs 1-5, if all press and slide.
 
-    Returns `SOLVED`, or `RAY` where this mode is inconsistent. `RAY` also results where the mode is nearly
-    singular: the normals are dependent, a slip is too small to have a sign, or a force is very large.
+    The forces are stored in the contacts; G is a (4, 4) workspace. Returns `SOLVED`, or `RAY` where this mode
+    is inconsistent. `RAY` also results where the mode is nearly singular: the normals are dependent, a slip
+    is too small to have a sign, or a force is very large.
     """
     for a in range(3):
         contact = contacts[active[a]]
@@ -214,7 +218,7 @@ def three_contacts(
 
 @inlined_kernel
 def motion(A: Array, contacts: Contacts, active: IntArray, m: int, V: Array) -> None:
-    """Writes V = A F for the forces of the m active contacts (eqs 1, 2) into `V` (3,)."""
+    """Writes the part's motion V = A F under the forces of the m active contacts (eqs 1, 2) into `V` (3,)."""
     F0, F1, F2 = 0.0, 0.0, 0.0
     for a in range(m):
         contact = contacts[active[a]]

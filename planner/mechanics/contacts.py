@@ -6,13 +6,13 @@ inner faces of fingers that push side by side look the same way. Four pairs of f
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;
 - END:    a vertex of the part on the end of a finger, normal along x;
-- OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
+- OUTER:  an outer corner of a finger on an edge of a part that reaches behind the finger.
 
-A pusher of points or round tips (`find_points`) touches edges as a finger's corner does (CORNER) and convex
-vertices (TIP).
+A pusher of points or round tips (`find_points`) touches an edge as a finger's corner does (CORNER), and a
+convex vertex (TIP).
 
-A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
-exception, since they hold a flush edge that is longer than the finger.
+A pair counts only where its normal lies in the normal cones of both features. Pairs of an edge that is nearly
+parallel to a finger's face are the exception: they hold a flush edge that is longer than the finger.
 
 Outlines are stored as columns (2, N), so that loops over vertices are vectorised.
 """
@@ -119,7 +119,7 @@ def place(outline: Array, q: Array, points: Array) -> None:
 
 @inlined_kernel
 def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) -> None:
-    """`place` for a pose whose angle has the cosine c and the sine s."""
+    """Same as `place`, for a pose whose angle has the cosine c and the sine s."""
     for i in range(outline.shape[1]):
         points[0, i] = q[0] + c * outline[0, i] - s * outline[1, i]
         points[1, i] = q[1] + s * outline[0, i] + c * outline[1, i]
@@ -129,8 +129,8 @@ def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) ->
 def _slot(contacts: Contacts, count: int, gap: float) -> int:
     """Returns the row for a new contact with this gap: the next free row if there is one.
 
-    If there is none, the new contact replaces the contact with the widest gap. But if no contact has a gap
-    wider than `gap`, the result is -1.
+    If all rows are taken, the result is the row of the contact with the widest gap, which the new contact
+    replaces. The result is -1 if no contact has a gap wider than `gap`.
     """
     if count < MAX_CONTACTS:
         return count
@@ -153,7 +153,10 @@ def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """Distance past its end at vertex i up to which an edge counts as touched [mm]; larger in a notch."""
+    """Distance past vertex i up to which an edge that ends there counts as touched [mm].
+
+    The distance is larger if the vertex is the bottom of a notch.
+    """
     n = points.shape[1]
     b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
     ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
@@ -270,10 +273,11 @@ def _add_corners(
 
 @inner_kernel
 def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
-    """Writes the outcode of each vertex into `out` (N,): where it lies relative to the fingers.
+    """Writes the outcode of each vertex into `out` (N,): where the vertex lies relative to the fingers.
 
-    As in Cohen and Sutherland's line clipping: an edge whose ends share one of the `FAR` bits is farther than
-    `margin` from all fingers; an edge whose ends share any bit runs no deeper than `PENETRATION_MM` into one.
+    The codes are those of Cohen and Sutherland's line clipping. If both ends of an edge have the same `FAR`
+    bit, the edge is farther than `margin` from all fingers. If both ends have any bit in common, the edge
+    runs no deeper than `PENETRATION_MM` into a finger.
     """
     first, second = hand.first, hand.second
     high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
@@ -331,9 +335,9 @@ def find(
 ) -> int:
     """Finds all contacts whose gaps are at most `margin` [mm]; returns their number.
 
-    On the inner face only vertices at local minima of the gap count, and the nearer neighbour of each. The
-    contacts are written into `contacts`, and the outcodes of `mark` into `out` (N,). `points` (2, N) is the
-    outline in the hand frame, counter-clockwise [mm], of the part at pose q (3,).
+    An inner face touches only vertices that are nearer to it than both of their neighbours, and the nearer
+    neighbour of each. The contacts are written into `contacts`, and the outcodes of `mark` into `out` (N,).
+    `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)
@@ -353,10 +357,11 @@ def find(
 def find_points(contacts: Contacts, points: Array, q: Array, pusher: Tips, margin: float) -> int:
     """Finds all contacts of a pusher's tips whose gaps are at most `margin` [mm]; returns their number.
 
-    A tip may touch an edge that it lies beside, unless a neighbouring edge lies between, and a convex vertex
-    in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round tip
-    touches when its centre is one radius away. The contacts are written into `contacts`. `points` (2, N) is
-    the outline in the pusher's frame, counter-clockwise [mm], of the part at pose q (3,).
+    A tip touches an edge if it lies beside the edge and no neighbouring edge is in between. It touches a
+    convex vertex if it lies in the normal cone of the vertex. In a notch a tip may touch both edges, even
+    where it overlaps them. A round tip touches when its centre is one radius away. The contacts are written
+    into `contacts`. `points` (2, N) is the outline in the pusher's frame, counter-clockwise [mm], of the part
+    at pose q (3,).
     """
     n, radius = points.shape[1], pusher.radius
     count = 0

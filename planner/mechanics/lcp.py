@@ -1,9 +1,10 @@
-"""The linear complementarity problem of the contact step, solved by Lemke's method.
+"""The linear complementarity problem (LCP) of the contact step, solved by Lemke's method.
 
 Find z with  w = M z + q,  w >= 0,  z >= 0,  z . w = 0   (Cottle, Pang & Stone 1992, section 4.4).
 
-The contact matrices are copositive, so a ray means that no solution exists: the part is held (paper, IV).
-Ties in the ratio test are broken lexicographically, so that flush grasps, which are degenerate, do not cycle.
+The contact matrices are copositive. So if the method ends in a ray, no solution exists: the part is held
+(paper, IV). Ties in the ratio test are broken lexicographically, so that flush grasps, which are degenerate,
+do not cycle.
 """
 
 from planner.arrays import Array, IntArray
@@ -20,9 +21,10 @@ PIVOTS_PER_ROW = 50
 
 @inlined_kernel
 def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
-    """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
+    """Chooses the row whose variable leaves the basis when the variable of column `entering` enters it.
 
-    The artificial variable (column 2n) leaves as soon as possible, which ends the method.
+    This is the row of the lexicographic minimum ratio; -1 where no entry of the column is positive. The
+    artificial variable (column 2n) leaves as soon as possible, which ends the method.
     """
     best = -1
     for row in range(n):
@@ -52,7 +54,7 @@ def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
 
 @inlined_kernel
 def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
-    """Gauss-Jordan elimination of `column` on `row`; `tableau` is modified in place."""
+    """Eliminates `column` from all rows but `row`, by Gauss-Jordan elimination in place."""
     width = 2 * n + 2
     scale = 1.0 / tableau[row, column]
     for j in range(width):
@@ -117,7 +119,10 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array)
 
 @inner_kernel
 def residual(M: Array, q: Array, z: Array, n: int) -> float:
-    """Largest violation of w >= 0, z >= 0 and z . w = 0, the last as the smaller of |z_i| and |w_i|."""
+    """Largest violation of the conditions w >= 0, z >= 0 and z . w = 0 by a solution z of the LCP.
+
+    The violation of z . w = 0 is the largest of min(|z_i|, |w_i|).
+    """
     worst = 0.0
     for i in range(n):
         w = q[i]

@@ -41,7 +41,10 @@ class LimitSurface:
 
 
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
-    """Fits the ellipsoid to a pressure distribution; see `about_centre` for the arguments."""
+    """Fits an ellipsoid limit surface to a pressure distribution.
+
+    See `about_centre` for the arguments.
+    """
     F, V, shift = about_centre(points, weights, rho_mm)
     A = np.round(fit(F, V), DIGITS)
     A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
@@ -52,8 +55,8 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
     """Samples pairs of wrench and twist about the centre of pressure.
 
-    A surface that is fitted to these pairs does not depend on where the part's frame lies, and under it a
-    force through the centre of pressure turns the part as little as it should.
+    A surface that is fitted to these pairs does not depend on where the part's frame lies. Fitted about
+    another point, a surface would let a force through the centre of pressure turn the part too much.
 
     Args:
         points: (M, 2) support points of the pressure, in the part's frame [mm].
@@ -72,10 +75,10 @@ def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, A
 
 
 def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Array:
-    """Integrates Coulomb friction over a pressure distribution: the wrenches (K, 3) that make the part slide.
+    """Computes the wrench (K, 3) that makes a part slide with each twist, against Coulomb friction.
 
-    Each support point (M, 2) [mm] carries friction of its share (M,) of mu N along its velocity (Goyal et
-    al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
+    The friction at a support point (M, 2) [mm] is the point's share (M,) of mu N, along its velocity (Goyal
+    et al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
     (K, 3) are normalised with rho, of any magnitude but 0.
     """
     x, y = points[:, 0] / rho_mm, points[:, 1] / rho_mm  # (M,)
@@ -107,12 +110,15 @@ def twist_directions(count: int = DIRECTIONS) -> Array:
 
 
 def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
-    """Fits A, (3, 3) symmetric positive definite and read-only, to wrenches and twists by least squares.
+    """Fits the matrix A (3, 3) of an ellipsoid to wrenches and twists by least squares.
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the component of A F across
-    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the
-    result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any
-    magnitude but 0; `weights` (K,) multiply the squared residuals.
+    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. F and V (K, 3) are
+    normalised, V of any magnitude but 0; `weights` (K,) multiply the squared residuals.
+
+    Returns:
+        A, symmetric positive definite and read-only. Where noise would make A indefinite, eigenvalues are
+        raised to `MIN_EIGENVALUE`.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b
@@ -162,7 +168,10 @@ def cholesky(A: Array) -> Array:
 
 @kernel
 def _square(factor: Array, drawn: Array) -> None:
-    """Replaces each B of `drawn` (n, D, D) by (L B) (L B)^T, with L = `factor`; both are lower triangular."""
+    """Replaces each matrix B of `drawn` (n, D, D) by (L B) (L B)^T, with L = `factor`.
+
+    L and all B are lower triangular.
+    """
     n, size = drawn.shape[0], drawn.shape[1]
     product = np.empty((size, size))
     for k in range(n):
@@ -180,7 +189,7 @@ def _square(factor: Array, drawn: Array) -> None:
 
 
 def twist(A: Array, F: Array) -> Array:
-    """The unit twists (..., 3) of the wrenches F (..., 3): along grad H (eq. 1)."""
+    """The unit twists (..., 3) that the wrenches F (..., 3) cause: along grad H (eq. 1)."""
     gradient = np.asarray(F) @ A
     return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 

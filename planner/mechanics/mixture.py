@@ -1,4 +1,4 @@
-"""Simulator of several parts: one for each hypothesis of a job, chosen by the parts' traits."""
+"""Simulator for jobs with several hypotheses: simulates each part with the simulator of its hypothesis."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -20,7 +20,7 @@ class Mixture:
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The simulators of a job, on all cores by default."""
+        """Builds a simulator for each hypothesis of a job; they use all cores by default."""
         return cls(tuple(Simulator.of_job(alone, workers, step_mm) for alone in job.alone))
 
     @property
@@ -30,7 +30,7 @@ class Mixture:
 
     @property
     def workers(self) -> int:
-        """Number of threads that share the roll-outs."""
+        """Number of threads that share the simulated squeezes and pushes."""
         return self.simulators[0].workers
 
     @property
@@ -39,7 +39,10 @@ class Mixture:
         return tuple(simulator.outline for simulator in self.simulators)
 
     def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits) -> RollOut:
-        """Squeezes parts with traits (n,) at poses (n, 3) in the hand frame, each with random mechanics."""
+        """Squeezes parts with latent parameters `traits` (n,) at poses (n, 3) in the hand frame.
+
+        Draws random mechanics for each squeeze.
+        """
         pieces = [
             (rows, self.simulators[k].squeeze(poses[rows], rng, traits[rows]))
             for k, rows in by_hypothesis(traits)

@@ -1,9 +1,9 @@
 """A push: a rigid pusher follows a commanded path, and the part yields.
 
-The pusher is a set of points, or the fingers of a hand that moves straight ahead. It is a boundary whose
-frame is carried along: the steps are those of a squeeze (`stepping.try_step`), in the pusher's frame. The
-part never jams. Where friction wedges it between two places of the pusher, the LCP has no solution, and the
-part moves along with the pusher.
+The pusher is a set of points, or the fingers of a hand that moves straight ahead. The part is simulated in
+the frame of the pusher, by the same steps as in a squeeze (`stepping.try_step`). The part never jams. Where
+friction wedges it between two places of the pusher, the LCP has no solution, and the part moves along with
+the pusher.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ FINISHED = 1e-12  # Share of the way that may remain when a push counts as compl
 
 
 class Paths(NamedTuple):
-    """Paths of n pushers: the points of each turn about a centre, which moves along a straight line."""
+    """Paths of n pushers: the points of a pusher turn about a centre, which moves along a straight line."""
 
     points: Array  # (n, K, 2) points of the pushers at the start [mm]
     centres: Array  # (n, 2) centres of the rotations, at the start [mm]
@@ -68,10 +68,10 @@ class PushEnds(NamedTuple):
 
 
 def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
-    """Pushers of at most `MAX_POINTS` points, or of round tips about the points.
+    """Pushers that touch the part with points, or with round tips of `radius_mm` about the points.
 
     Raises:
-        ValueError: a pusher has more points.
+        ValueError: a pusher has more than `MAX_POINTS` points.
     """
     if paths.points.shape[1] > MAX_POINTS:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
@@ -85,8 +85,8 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
     """Pushers that are the ends of the two fingers of a hand, side by side along x.
 
-    Each moves along -y by its `way_mm` (n,). Two fingers that touch each other, because their `opening_mm`
-    (n,) is 0, count as one. `length_mm` and `thickness_mm` are the size of a finger.
+    The fingers of pusher i move along -y by `way_mm[i]` [mm]. Where `opening_mm` (n,) is 0, the two fingers
+    touch each other and count as one. `length_mm` and `thickness_mm` are the size of a finger.
     """
     n, closed = len(opening_mm), opening_mm <= 0.0
     shifts = np.column_stack([np.zeros(n), -way_mm])
@@ -100,9 +100,9 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
 
 @merged_kernel
 def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool]:
-    """Pushes one part at q (3,) over a way [mm]; q is modified into the final pose [mm, mm, rad].
+    """Pushes one part at pose q (3,) while the pusher moves by `way` [mm]; q becomes the final pose.
 
-    Both poses are in the pusher's frame at the start.
+    Both poses are in the pusher's frame at the start [mm, mm, rad].
 
     Returns:
         Whether the pusher touches the part at the end, and whether the stepping failed, so that the part
@@ -153,7 +153,7 @@ def _carry(boundary: Boundary, way: float, q: Array) -> None:
 
 @inner_kernel
 def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
-    """Sets the boundary to the pusher of row i."""
+    """Copies the pusher of row i, with its path, into the boundary."""
     paths, way = pushers.paths, pushers.way[i]
     boundary.fingers, boundary.facing, boundary.apart = pushers.fingers[i], 1, pushers.apart[i]
     boundary.h, boundary.thickness = pushers.h[i], pushers.thickness[i]
@@ -176,9 +176,10 @@ def push_many(
     ends: PushEnds,
     scratch: Scratch,
 ) -> None:
-    """Pushes every part of `ends.poses` (n, 3) with its pusher and mechanics; `ends` is filled in place.
+    """Pushes n parts, each with its own pusher and mechanics, in steps of at most `step` [mm].
 
-    Steps are at most `step` [mm]; the mechanics' surface replaces the body's.
+    `ends.poses` (n, 3) holds the poses before the pushes; `ends` is filled in place. The limit surfaces are
+    those of `mechanics`, not the surface of `body`.
     """
     mu, boundary = mechanics.mu, scratch.work.boundary
     for i in range(ends.poses.shape[0]):

@@ -50,17 +50,24 @@ class QuarticSurface:
         return np.asarray(gradient_rows(F) @ self.coefficients)
 
     def hessian_table(self) -> Array:
-        """Table (6, 6) for kernels: table @ (six products of F) is xx, xy, xz, yy, yz, zz of hess H."""
+        """Table (6, 6) from which kernels compute the Hessian of H at a wrench F.
+
+        The table times the six products of two components of F gives the entries xx, xy, xz, yy, yz, zz of
+        the Hessian.
+        """
         table = (FORM @ gram(self.coefficients).reshape(81)).reshape(6, 6)
         return np.asarray(np.where(PAIRS[:, :1] == PAIRS[:, 1:], table, 0.5 * table))
 
     def twist(self, F: Array) -> Array:
-        """The unit twists (..., 3) of the wrenches F (..., 3)."""
+        """The unit twists (..., 3) that the wrenches F (..., 3) cause."""
         gradient = self.gradient(F)
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
     def in_coordinates(self, S: Array) -> QuarticSurface:
-        """The surface H'(F) = H(S F), S (3, 3) regular, with the certificate transformed by congruence."""
+        """Returns the surface H'(F) = H(S F), for a regular matrix S (3, 3).
+
+        Its certificate is that of this surface, transformed by congruence.
+        """
         both = np.kron(S, S)
         return from_certificate(both.T @ self.certificate @ both, self.rho_mm)
 
@@ -76,7 +83,7 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
     The component of Q that belongs to no quartic's Hessian is removed first.
 
     Raises:
-        ValueError: Q is then not positive definite, so that it certifies nothing.
+        ValueError: the rest of Q is not positive definite, so that it certifies nothing.
     """
     basis = certificates()
     Q = np.einsum("kij,k->ij", basis, np.einsum("kij,ij->k", basis, Q))
@@ -92,7 +99,7 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 
 
 def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Draws n random quartics around a nominal one: tables (n, 6, 6) as `hessian_table`.
+    """Draws n random quartics about a nominal one; returns their tables (n, 6, 6), see `hessian_table`.
 
     Each is the nominal quartic in other coordinates. The change of coordinates takes the ellipsoid nearest to
     the quartic into a Wishart draw with this ellipsoid as mean and with `dof` degrees of freedom. So quartics
@@ -114,7 +121,10 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """Matrices (n, 6, 6) by which the six products of two coordinates (`PAIRS`) change under S (n, 3, 3)."""
+    """Matrices (n, 6, 6) that act on the products of two coordinates as S (n, 3, 3) acts on the coordinates.
+
+    There are six such products (`PAIRS`).
+    """
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])

@@ -1,10 +1,10 @@
 """Fits a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
 
 The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the component of grad H(F) / 4
-across the unit twist (eq. 1). They are linear in the coefficients, which are linear in the certificate Q: the
-fit is a least squares problem over positive semidefinite Q that belong to a quartic. Wrench coordinates in
-which the fitted ellipsoid is the unit sphere keep all numbers of similar size. CVXPY takes a second to
-import, so it is imported where the program is built.
+across the unit twist (eq. 1). They are linear in the coefficients of H, and the coefficients are linear in
+the certificate Q. So the fit is a least squares problem over positive semidefinite Q that belong to a
+quartic. It uses wrench coordinates in which the fitted ellipsoid is the unit sphere, so that all numbers are
+of similar size. CVXPY takes a second to import, so it is imported where the program is built.
 """
 
 import warnings
@@ -38,7 +38,10 @@ class QuarticFitError(ExpectedError):
 
 
 def fit_pressure(points: Array, weights: Array, rho_mm: float) -> QuarticSurface:
-    """Fits the quartic to a pressure distribution; see `limit_surface.about_centre` for the arguments."""
+    """Fits a convex quartic to a pressure distribution.
+
+    See `limit_surface.about_centre` for the arguments.
+    """
     F, V, shift = limit_surface.about_centre(points, weights, rho_mm)
     return fit(F, V, rho_mm).in_coordinates(shift)
 
@@ -58,9 +61,10 @@ def fit(
         V: their twists.
         rho_mm: the length that normalises both.
         weights: (K,) weights of the squared residuals of the pairs; None: all 1.
-        ridge: weight of a pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
-        robust: whether large angles between twists count linearly, not squared, since measured pairs may
-            have outliers.
+        ridge: weight that pulls the quartic towards the ellipsoid fitted to the same pairs; it counts like
+            this number of pairs.
+        robust: whether large angles between given and fitted twists count linearly, not squared, since
+            measured pairs may have outliers.
 
     Raises:
         QuarticFitError: the solver finds no certified quartic.
@@ -84,9 +88,10 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) of squared residuals with which large angles between twists count linearly.
+    """Weights (K,) with which squared residuals grow only linearly with large angles between two twists.
 
-    The residuals are the components of `gradient` (K, 3) across the unit twists `unit` (K, 3).
+    The angle is that between `gradient` (K, 3) and the unit twist `unit` (K, 3). The residuals are the
+    components of `gradient` across `unit`.
     """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
@@ -94,7 +99,7 @@ def emphasis(gradient: Array, unit: Array) -> Array:
 
 
 class _Program(NamedTuple):
-    """The conic program: least |factor a - target|^2 over certified coefficients a."""
+    """The conic program: finds the certified coefficients a with the least |factor a - target|^2."""
 
     problem: Any
     factor: Any
@@ -104,7 +109,7 @@ class _Program(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _program() -> _Program:
-    """Builds the conic program once; each fit states its factor and target."""
+    """Builds the conic program at the first call; each fit then sets its factor and target."""
     cvxpy: Any = import_module("cvxpy")
     factor, target = cvxpy.Parameter((15, 15)), cvxpy.Parameter(15)
     beyond = cvxpy.Variable((9, 9), PSD=True)

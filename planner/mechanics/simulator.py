@@ -103,7 +103,7 @@ class Simulator:
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The simulator of a job, on all cores by default."""
+        """Builds the simulator of a job; it uses all cores by default."""
         outline = np.array(simplified(job.part.outline_mm, SIMPLIFY_MM))
         return cls(
             outline=outline,
@@ -125,7 +125,7 @@ class Simulator:
         )
 
     def nominal(self, n: int, mu: float) -> Parameters:
-        """Parameters without scatter: the nominal limit surface and one friction value, n times."""
+        """Parameters of n roll-outs without scatter: the nominal limit surface and friction `mu`."""
         surface = limit_surface.nominal(self.surface)
         mu, n = arguments.number(mu, "mu", 0.0, MOST_FRICTION), arguments.count(n, "n", 0)
         return Parameters(
@@ -140,8 +140,8 @@ class Simulator:
         """Draws parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
 
         The `traits` (n,) of the parts choose the nominal surface and the degrees of freedom of its scatter.
-        They also state the finger share, the deviations of the outline and, unless `FRESH`, the friction.
-        None: parts as planned.
+        They also state the finger share, the deviations of the outline and, unless `FRESH`, the friction. If
+        `traits` is None, all parts are as planned.
         """
         parts_traits = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
         arguments.same_length(poses=range(n), traits=parts_traits)
@@ -162,7 +162,7 @@ class Simulator:
     ) -> RollOut:
         """Squeezes parts with latent parameters `traits` (n,) once, at poses (n, 3) in the hand frame.
 
-        Draws limit surface, friction and release of each squeeze, see `sample`.
+        Draws the limit surface, friction and release of each squeeze; see `sample`.
         """
         poses = arguments.rows(poses, "poses", 3)
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
@@ -188,7 +188,7 @@ class Simulator:
         return np.concatenate([rows[:count], end]), int(result.status[0])
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes a part at each pose (n, 3) in the hand frame once, from open jaws [mm, mm, rad].
+        """Squeezes a part once at each of `poses` (n, 3) in the hand frame [mm, mm, rad], from open jaws.
 
         Raises:
             ValueError: a shape does not fit, or a number is not finite.
@@ -212,7 +212,10 @@ class Simulator:
         return result
 
     def _squeeze(self, each: Each, result: RollOut, trace: Array) -> int:
-        """Squeezes the parts of `result`, filled in place; returns the number of rows written to `trace`."""
+        """Squeezes the parts that lie at `result.poses`; returns the number of rows written to `trace`.
+
+        `result` is filled in place.
+        """
         columns = np.ascontiguousarray(self.outline.T)
         deviations = np.ascontiguousarray(self.shapes.transpose(0, 2, 1))
         part = Part(columns, deviations, self.surface.rho_mm)
@@ -259,7 +262,7 @@ class Simulator:
     ) -> Array:
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
-        Fingers that close unevenly have left the middle of the hand when they push. Deviations of outlines
+        If the fingers close unevenly, they push from beside the middle of the hand. Deviations of outlines
         are ignored, since they are tenths of a millimetre.
 
         Args:
@@ -271,7 +274,7 @@ class Simulator:
             traits: (n,) latent parameters of the parts; None: as planned.
 
         Returns:
-            (n, 3) poses of the parts after the push, in the same frame.
+            (n, 3) poses of the parts after the push, in the hand's frame at the start.
 
         Raises:
             ValueError: a shape does not fit, or a number is not finite or out of range.
@@ -319,7 +322,7 @@ def _each(parameters: Parameters) -> Each:
 
 
 def _at_the_start(poses: Array) -> RollOut:
-    """Results of squeezes before they begin: parts at poses (n, 3), and all else zero."""
+    """Prepares the results of squeezes of parts at `poses` (n, 3): these poses, and zeros."""
     n, start = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
     return RollOut(start, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
 
@@ -366,7 +369,7 @@ def checked_surfaces(surfaces: Array) -> Array:
 
 
 def beside_mm(share: Array, closed_mm: Array) -> Array:
-    """Offset (n,) along y of the fingers' middle from the hand's, after the jaws have closed by (n,) [mm].
+    """Offset (n,) along y of the fingers' middle from the hand's, in jaws closed by `closed_mm` (n,) [mm].
 
     The offset is 0 where the upper finger's `share` (n,) of the closing is a half.
     """
@@ -400,9 +403,9 @@ def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> Roll
 
 
 def commanded(paths: Paths) -> Array:
-    """Poses (n, 3) after each path of a part that moves rigidly with the pusher [mm, mm, rad].
+    """Poses (n, 3) that a part would have after each path if it moved rigidly with the pusher [mm, mm, rad].
 
-    The poses are in the part's frame at the start, as are the paths.
+    Poses and paths are in the part's frame at the start.
     """
     c, s = np.cos(paths.angles) - 1.0, np.sin(paths.angles)
     x, y = paths.centres[:, 0], paths.centres[:, 1]

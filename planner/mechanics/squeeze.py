@@ -1,8 +1,8 @@
 """A whole squeeze: the fingers close until the part is held, or until they meet.
 
-Free motion is skipped exactly (`clearance.free_closing`), contact motion is stepped (`stepping.try_step`).
-Where the LCP has no solution the part is held (paper, IV): *grasped* where no motion of the part at all lets
-the fingers close further, *jammed* where friction alone prevents it.
+Free motion is skipped exactly (`clearance.free_closing`); motion in contact is stepped (`stepping.try_step`).
+Where the LCP has no solution the part is held (paper, IV). It is *grasped* if no motion of the part at all
+lets the fingers close further, and *jammed* if only friction prevents such a motion.
 """
 
 from typing import NamedTuple
@@ -88,9 +88,10 @@ def _close_freely(scratch: Scratch) -> float:
 def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
     """Returns `GRASPED` if the part would be blocked even without friction, else `JAMMED`.
 
-    Without friction only the contact normals decide, so any limit surface will do. A motion much larger
-    than the fingers' counts as none: exactly opposed contacts must not depend on rounding. All lengths are
-    relative to the part's reach, so that the result does not depend on its size.
+    Without friction only the contact normals decide, so any limit surface will do. A part that could escape
+    only by moving much farther than the fingers counts as blocked: otherwise rounding errors would decide for
+    contacts that are exactly opposed. All lengths are relative to the part's reach, so that the result does
+    not depend on its size.
     """
     find_contacts(q, HELD_GAP * body.reach, scratch)
     count, work = scratch.work.count, scratch.work.step
@@ -112,7 +113,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     """Writes pose and width into a row of the trace, or into its last row if the trace is full.
 
     Returns:
-        The number of rows written so far, which is the next row; 0 if the trace has no rows.
+        The number of rows written so far, which is the index of the next row; 0 if the trace has no rows.
     """
     if trace.shape[0] == 0:
         return 0
@@ -128,7 +129,8 @@ def _close_by(
 ) -> None:
     """Makes the boundary a pair of closing fingers, of which the upper one makes `share` of the closing.
 
-    The nominal step is `step` [mm].
+    The fingers have the size of `jaws` and the friction `mu_top` and `mu_bottom`. The nominal step is `step`
+    [mm].
     """
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws.length_mm, jaws.thickness_mm
@@ -141,10 +143,11 @@ def _close_by(
 def _squeeze(
     body: Body, opening: float, q: Array, scratch: Scratch, trace: Array
 ) -> tuple[float, int, int, int]:
-    """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
+    """Closes the fingers on one part at pose q (3,), which becomes the final pose.
 
-    The fingers start `opening` [mm] apart. `_close_by` must have set their size, friction, shares and step
-    before. `trace` (rows, 4) receives poses and widths along the path; it may have no rows.
+    The poses are in the hand frame [mm, mm, rad]. The fingers start `opening` [mm] apart. `_close_by` must
+    have set their size, friction, shares and step before. `trace` (rows, 4) receives poses and widths along
+    the path; it may have no rows.
 
     Returns:
         Final width [mm], status, 1 if the squeeze was given up (else 0), number of rows of the trace written.

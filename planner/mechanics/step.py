@@ -1,7 +1,7 @@
 """One quasi-static step: the part's displacement while the fingers advance (paper, eqs 1-5).
 
-The step is posed at displacement level. With the ellipsoid limit surface, eq. 1 reads V = A F up to a
-positive factor that the forces absorb, so for wrench directions N_i (normal) and T_i (tangent)
+The step is posed in displacements, not in velocities. With the ellipsoid limit surface, eq. 1 reads V = A F
+up to a positive factor that the forces absorb. So for wrench directions N_i (normal) and T_i (tangent)
 
     V = A sum_i (f_n N_i + f_t T_i)                                                     (1, 2)
     0 <= f_n  _|_  gap_i + N_i . V - u_n        >= 0                                     (3)
@@ -9,8 +9,9 @@ positive factor that the forces absorb, so for wrench directions N_i (normal) an
     0 <= f_t- _|_ -(T_i . V - u_t) + lambda_i   >= 0                                     (4)
     0 <= lambda_i _|_ mu f_n - f_t+ - f_t-      >= 0                                     (5)
 
-where V is a displacement and u the pusher's; the gap in eq. 3 closes contacts within the step and removes
-drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f_y, tau / rho).
+where V is the displacement of the part and u that of the finger or pusher. The gap in eq. 3 lets contacts
+close within the step, and removes drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F =
+(f_x, f_y, tau / rho).
 """
 
 from typing import Any, TypeAlias
@@ -71,9 +72,9 @@ StepWork: TypeAlias = Any
 
 @inlined_kernel
 def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
-    """Rotates A from the part's frame, which is turned by an angle of cosine c and sine s, to the hand frame.
+    """Rotates the matrix A (3, 3) of a limit surface from the part's frame to the hand frame.
 
-    The result is written into `out` (3, 3).
+    The part is turned by an angle of cosine c and sine s. The result is written into `out` (3, 3).
     """
     a, b, d = A[0, 0], A[0, 1], A[1, 1]
     out[0, 0] = c * c * a - 2.0 * c * s * b + s * s * d
@@ -122,7 +123,7 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
 @inner_kernel
 def _judge(work: StepWork, m: int, order: int) -> int:
-    """Checks Lemke's solution.
+    """Checks the solution of Lemke's method in `work`.
 
     Returns:
         `SOLVED`; `RAY` if a force exceeds `UNBOUNDED`; `PIVOT_LIMIT` if the solution is inaccurate.
@@ -137,9 +138,10 @@ def _judge(work: StepWork, m: int, order: int) -> int:
 def _opposed(contacts: Contacts, active: IntArray, m: int) -> bool:
     """Whether the m active contacts oppose each other, so that no motion lets the fingers close.
 
-    By Farkas' lemma eq. 3 has no solution V where forces f >= 0 balance, sum f_i N_i = 0, and sum f_i (u_i
-    - gap_i) > 0. The test uses forces of the outermost contacts of each finger that meet in one line; they
-    count as balanced, despite rounding, where V would have to exceed `LARGEST_ESCAPE_MM`.
+    By Farkas' lemma eq. 3 has no solution V if some forces f >= 0 are in balance, sum f_i N_i = 0, and sum
+    f_i (u_i - gap_i) > 0. The test tries one force from each finger, combined from the finger's outermost
+    contacts, such that the two forces act along one line. Rounding errors leave a small sum of forces and
+    moments; it counts as 0 if the motion V would have to exceed `LARGEST_ESCAPE_MM`.
     """
     top_low, top_high, bottom_low, bottom_high = -1, -1, -1, -1
     for a in range(m):
@@ -281,12 +283,12 @@ def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     """Solves the step for the touching contacts; returns `SOLVED`, `RAY` (part held) or `PIVOT_LIMIT`.
 
-    A part can always move along with a single finger. But eq. 3 also requires the part to leave an overlap,
-    which is impossible where that finger is wedged in a notch. So if a single finger gives a ray, the step is
-    solved once more with all overlaps counted as gaps of 0: they remain.
-
     `work` holds A and `count` contacts, with the values that `boundary.directions` computes; it receives the
     forces of the contacts and the displacement V (dx, dy, rho dtheta) [mm].
+
+    A part can always move along with a single finger. But eq. 3 also requires that the part leaves an
+    overlap, which is impossible where the finger is wedged in a notch. So if a single finger gives a ray, the
+    step is solved once more with all overlaps counted as gaps of 0, so that they may remain.
     """
     status = _tried(mu_top, mu_bottom, count, work)
     if status == RAY and _one_finger(work.contacts, count):
@@ -298,9 +300,9 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 
 @inlined_kernel
 def along(first: Array, V: Array, f: float, i: int) -> float:
-    """Component i of the displacement after a share f of a step: dense output of the midpoint rule.
+    """Component i of the part's displacement after a share f of a step: dense output of the midpoint rule.
 
-    It is of second order, and interpolates from the displacements of the Euler step (`first`) and of the
+    It interpolates, to second order, between the displacements of the Euler step (`first`) and of the
     midpoint rule (`V`) (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6).
     """
     return float(f * (first[i] + f * (V[i] - first[i])))
@@ -308,14 +310,14 @@ def along(first: Array, V: Array, f: float, i: int) -> float:
 
 @inlined_kernel
 def _reached(gap: float, rate: float, bend: float) -> float:
-    """The least f > 0 at which gap + rate f + bend f^2 is zero, given that it is negative at f = 1."""
+    """The least f > 0 at which gap + rate f + bend f^2 is zero; the sum must be negative at f = 1."""
     root = np.sqrt(max(rate * rate - 4.0 * bend * gap, 0.0))
     return float(2.0 * gap / (root - rate)) if root > rate else 1.0
 
 
 @inlined_kernel
 def event_fraction(contacts: Contacts, count: int, first: Array, V: Array) -> float:
-    """Share of a step (see `along`) up to the first event; 1 without one.
+    """Share of a step after which the first event happens; 1 without an event. See `along` for `first` and V.
 
     The events are: a contact that was open touches; a pressed contact slides off the end of its feature.
     """

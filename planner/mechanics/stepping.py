@@ -1,8 +1,8 @@
 """One step of a squeeze or a push: midpoint rule, error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step. A step ends
-where an awaited contact touches or a pressed one leaves its feature; the dense output of the rule says where.
-A step is refused where the part would overlap a finger.
+early where an open contact touches, or where a pressed contact slides off its feature; the dense output of
+the midpoint rule tells where. A step is refused where the part would overlap a finger.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -108,7 +108,7 @@ def _turn_back(work: SqueezeWork) -> None:
 
 @merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
-    """Solves one step for a part turned by an angle of cosine c and sine s; returns the status.
+    """Solves one step for a part turned by an angle of cosine c and sine s; returns a status as `step.solve`.
 
     `work.step.V` receives the part's displacement in the boundary's frame.
     """
@@ -130,8 +130,8 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
     `work.euler` and `work.step.V` receive the displacements of the Euler and of the midpoint step.
 
     Returns:
-        The status, and the difference between the two displacements [mm]. The difference is -1 if the Euler
-        step has no solution, and 0 if only the midpoint step has none.
+        A status as `step.solve`, and the difference between the two displacements [mm]. The difference is -1
+        if the Euler step has no solution, and 0 if only the midpoint step has none.
     """
     contacts, V, first, count = work.step.contacts, work.step.V, work.euler, work.count
     for k in range(count):
@@ -157,7 +157,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 
 @inner_kernel
 def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
-    """Finds the contacts of the part at pose q (3,), whose placed outline `scratch` holds.
+    """Finds the contacts of the part at pose q (3,), whose outline at this pose is `scratch.points`.
 
     Writes all contacts with gaps of at most `margin` [mm] into `scratch.work`.
     """
@@ -173,7 +173,7 @@ def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
 
 @inlined_kernel
 def touching(work: SqueezeWork) -> bool:
-    """Whether a contact keeps a finger from closing any further without moving the part."""
+    """Whether some contact stops a finger, which then cannot close further without moving the part."""
     for k in range(work.count):
         each = work.step.contacts[k]
         if each.gap <= TOUCHING_MM and each.finger * each.ny < -LEAST_FACING:
@@ -217,7 +217,10 @@ def _overlaps(scratch: Scratch) -> bool:
 
 @inlined_kernel
 def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: float) -> float:
-    """Upper bound on how much nearer any vertex comes to a finger along x or y, from q to `trial` [mm]."""
+    """Upper bound on how much nearer any vertex comes to a finger along x or y, from pose q to `trial` [mm].
+
+    `step_top` and `step_bottom` are the motions of the fingers [mm].
+    """
     dx, dy = trial[0] - q[0], trial[1] - q[1]
     return float(max(abs(dx), step_top + dy, step_bottom - dy) + abs(trial[2] - q[2]) * body.reach)
 
@@ -228,9 +231,9 @@ def try_step(
 ) -> tuple[int, float]:
     """Tries a step of `size` [mm] from pose q (3,), and accepts it or proposes another size.
 
-    The scratch holds the contacts at q, also after a step to be retried. An accepted step ends at its first
-    event, if any; it leaves the new pose in `work.trial`, the boundary advanced, and the contacts at the
-    new pose, with gaps of at most `margin` [mm].
+    `scratch` holds the contacts at q, and still does so if the step is to be retried. An accepted step ends
+    at its first event, if any. It leaves the new pose in `work.trial`, the boundary advanced, and the
+    contacts at the new pose, with gaps of at most `margin` [mm].
 
     Returns:
         `ACCEPTED`, `RETRY`, `HELD` or `GIVEN_UP`; and the size of the next step [mm].

@@ -39,16 +39,19 @@ def of_job(job: Job) -> Surface:
 
 
 def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
-    """Fits a limit surface to a support; a surface that was fitted before comes from a cache."""
+    """Fits a limit surface to the support of a part: the points and weights of its pressure.
+
+    A surface that was fitted before comes from a cache.
+    """
     points, weights = held
     return _kept(fit, points.tobytes(), weights.tobytes(), rho_mm)
 
 
 @lru_cache(maxsize=256)
 def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """Fits a limit surface to support points and weights, which are bytes so that the result can be cached.
+    """Fits a limit surface to support points and weights, passed as bytes so that the result can be cached.
 
-    A cache saves time, since all worlds in which a plan is tried need surfaces of the same few pressures.
+    The cache saves time, since all worlds in which a plan is tried need surfaces of the same few pressures.
     """
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
@@ -80,9 +83,10 @@ def shares_of(job: Job) -> Array:
 
 
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
-    """Fitting function and support of each alternative limit surface, in the order of `others_of`.
+    """Fitting function and support of each alternative to the nominal limit surface of a job.
 
-    An alternative differs from the nominal surface in its pressure, in its form, or in both.
+    An alternative differs from the nominal surface in its pressure, in its form, or in both. The order is
+    that of `others_of`.
     """
     form = job.pressure.limit_surface
     if form is None or (form != "any" and job.doubt.pressure == "stated"):
@@ -93,10 +97,11 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Supports that a job allows besides its own: rim, whole area or middle of the area, and three feet.
+    """Supports of a part that a job allows besides the stated one.
 
     Returns:
-        The supports that are spread out, and the sets of three feet; both empty if the pressure is certain.
+        The supports that are spread out (rim, whole area, middle of the area), and sets of three feet. Both
+        lists are empty if the job states the pressure as certain.
     """
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
@@ -137,8 +142,9 @@ def sample_each(
         rng: source of randomness.
 
     Returns:
-        (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an
-        ellipsoid fills the leading (3, 3) block, and a mask (n,) of the ellipsoids.
+        The surfaces and a mask. If all have one form: (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None.
+        If both forms occur: (n, 6, 6), where an ellipsoid fills the leading (3, 3) block, and a mask (n,) of
+        the ellipsoids.
     """
     rows = [
         (number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]

@@ -41,7 +41,10 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
 
 @inner_kernel
 def _wrench(contacts: Contacts, count: int, c: float, s: float, F: Array) -> float:
-    """Writes the unit wrench of all contact forces in the part's frame into `F` (3,); returns its length."""
+    """Sums all contact forces to a wrench in the part's frame, and returns the wrench's length.
+
+    The wrench, divided by its length, is written into `F` (3,).
+    """
     f0, f1, f2 = 0.0, 0.0, 0.0
     for k in range(count):
         contact = contacts[k]
@@ -59,12 +62,12 @@ def _wrench(contacts: Contacts, count: int, c: float, s: float, F: Array) -> flo
 def solve_surface(
     surface: Array, c: float, s: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
 ) -> int:
-    """Solves the step for a part turned by an angle of cosine c and sine s; see `step.solve`.
+    """Solves the step for a part turned by an angle of cosine c and sine s; returns a status as `step.solve`.
 
-    `surface` is the matrix (3, 3) of an ellipsoid or the table (6, 6) of a quartic, in the part's frame;
+    `surface` is the matrix (3, 3) of an ellipsoid or the table (6, 6) of a quartic, in the part's frame.
     `work.A` receives the matrix of the last LCP. For a quartic the sequence of LCPs starts from the wrench in
-    `work.F`, which receives the wrench of the last LCP; the status is `PIVOT_LIMIT` also where the sequence
-    does not converge.
+    `work.F`, which then receives the wrench of the last LCP. The status is `PIVOT_LIMIT` also where the
+    sequence does not converge.
     """
     A, F = work.A, work.F
     if surface.shape[0] == 3:

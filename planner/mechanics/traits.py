@@ -43,8 +43,7 @@ def as_planned(n: int) -> Traits:
 def joined(pieces: Iterable[Traits]) -> Traits:
     """Concatenates the traits of several groups of parts.
 
-    It copies bytes, since numpy would first compare the fields of each group, which takes longer than the
-    copy.
+    It copies the arrays as bytes: numpy would first compare their fields, which takes longer than the copy.
     """
     raw = [np.ascontiguousarray(piece).view(np.uint8) for piece in pieces]
     return np.concatenate(raw).view(TRAITS)
@@ -76,13 +75,13 @@ def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
 
 
 def with_hypothesis(poses: Array, traits: Traits) -> Array:
-    """Poses (n, 3), with the hypothesis as a fourth column if any part has another than the first one."""
+    """Returns poses (n, 3), or (n, 4) with the hypothesis last if any part has another than the first one."""
     which = traits["hypothesis"]
     return np.column_stack([poses, which]) if which.any() else poses
 
 
 def shapes(outline: Array) -> Array:
-    """Motion (SHAPES, N, 2) of vertices (N, 2) for 1 mm of each deviation.
+    """How the vertices (N, 2) of an outline move for 1 mm of each deviation of the outline: (SHAPES, N, 2).
 
     The deviations are an offset of all edges outwards; a scaling, measured at the farthest vertex; and waves
     along the contour, two of each wavelength.

@@ -86,10 +86,13 @@ class Cluster:
             raise self._lost() from error
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yields results in the order of the items; see `planner.work.scheduler.Threads.map`.
+        """Runs a function on each item on the cluster; yields the results in the order of the items.
+
+        See `planner.work.scheduler.Threads.map` for the arguments.
 
         Raises:
-            UnreachableError: the scheduler is lost, all workers stay away, or several died of one item.
+            UnreachableError: the scheduler is lost, all workers stay away, or several workers died of one
+                item.
         """
         client = self._connected()
         most = max(1, AHEAD * self.workers)
@@ -106,7 +109,10 @@ class Cluster:
                 future.release()
 
     def _first(self, waiting: deque[Any]) -> Any:
-        """Awaits and removes the first result; asks for workers every `POLL_S`."""
+        """Waits for the result of the first item, removes the item from `waiting`, and returns the result.
+
+        Checks every `POLL_S` that the cluster still has workers.
+        """
         while True:
             try:
                 result = waiting[0].result(timeout=POLL_S)
@@ -124,7 +130,7 @@ class Cluster:
                 return result
 
     def _fail(self, error: Exception) -> NoReturn:
-        """Raises the error of an item; it is an `UnreachableError` if the cluster is the cause."""
+        """Raises the error of an item; raises an `UnreachableError` instead if the cluster is the cause."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):

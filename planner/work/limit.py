@@ -26,7 +26,7 @@ class Limit:
 
     @property
     def left_s(self) -> float:
-        """Seconds of the budget that are left, less the reserve for later work; infinite without a budget."""
+        """Seconds left of the budget, less the part reserved for later work; infinite without a budget."""
         return self.budget_s - self.reserve_s - self.spent_s
 
     @property

@@ -4,7 +4,7 @@ from typing import Protocol
 
 
 class Report(Protocol):
-    """Callback for progress."""
+    """Callback that receives the progress of some work."""
 
     def __call__(self, stage: str, done: int, total: int, detail: str = "", /) -> None:
         """Receives the state of the work.

@@ -1,6 +1,6 @@
 """Scheduling of work: on threads of this machine, or on workers of a Dask cluster.
 
-Work is cut into self-contained items: results are the same bytes with any number of workers.
+Work is cut into items that do not depend on each other, so that any number of workers gives the same bytes.
 """
 
 import os
@@ -23,7 +23,11 @@ WORKER = "squeezetree worker"  # prefix of names of threads whose work is not di
 
 
 def pool_of(workers: int) -> ThreadPoolExecutor:
-    """Returns a pool of threads; `Threads.map` runs serially on these threads, so that it cannot deadlock."""
+    """Returns a pool of worker threads.
+
+    A call of `Threads.map` in one of these threads runs serially: it would deadlock if it waited for other
+    threads.
+    """
     return ThreadPoolExecutor(workers, WORKER)
 
 
@@ -34,16 +38,17 @@ if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process, for functions that spend their time in kernels."""
+    """Runs functions on threads of this process; for functions that spend their time in kernels."""
 
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)  # default: all cores
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yields the function's results in the order of the items, as soon as they are available.
+        """Runs a function on each item; yields the results in the order of the items, each when it is known.
 
         Args:
-            function: a module-level function where a cluster may run it; its exceptions end the work.
-            items: its arguments, which must pickle for a cluster.
+            function: the function. A cluster needs a module-level function. An exception that it raises ends
+                the work.
+            items: the arguments, one for each call; they must pickle for a cluster.
         """
         if self.workers == 1 or len(items) < 2 or current_thread().name.startswith(WORKER):
             yield from map(function, items)
@@ -67,7 +72,11 @@ Scheduler: TypeAlias = Threads | Cluster  # `workers` is the number of items tha
 
 @contextmanager
 def scheduler_of(address: str | None = None, workers: int | None = None) -> Iterator[Scheduler]:
-    """Context with the cluster at an address "tcp://host:port", or with `workers` threads (None: all cores).
+    """Context manager that gives the workers: a cluster if an address is given, else threads.
+
+    Args:
+        address: address of the cluster, "tcp://host:port".
+        workers: number of threads; None: all cores.
 
     Raises:
         UsageError: the address is not one, or the cluster extra is not installed.
