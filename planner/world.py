@@ -149,7 +149,7 @@ class ContactWorld:
         """
         simulator = self._simulator
         opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, simulator.jaws.opening_mm)
-        x, y, theta = arguments.row(pose_hand, "pose_hand", 3).tolist()
+        x, y, theta = self._felt(pose_hand)[0].tolist()
         return stands_on(simulator.outline, simulator.jaws, (x, y, theta), opening_mm)
 
 

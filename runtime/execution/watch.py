@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from math import hypot, inf, tau
 from typing import Any, NamedTuple, TypeVar, cast
 
-from runtime.devices.clock import SystemClock
+from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.shell import interrupts
 from runtime.shell.errors import DeviceError
@@ -67,8 +67,7 @@ class Watch:
     def __init__(self, clock: SystemClock) -> None:
         self._clock = clock
         self._expected = Expected(0.0, 0.0)
-        self._began = self._since = 0.0
-        self._deadline = inf
+        self._lap, self._deadline = Lap(clock), inf
         self._spent = dict.fromkeys(REMEDIES, 0.0)
         self._called = MACHINE
 
@@ -87,11 +86,10 @@ class Watch:
             GripperStateError: the squeeze lasts longer because of anything else.
         """
         self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
-        self._began = self._since = self._clock.now()
-        self._called = MACHINE
+        self._lap, self._called = Lap(self._clock), MACHINE
         self._deadline = self._clock.deadline(DEADLINE_FACTOR * patience * expected.total_s)
         try:
-            with interrupts.within(self._deadline - self._began, self._late):
+            with interrupts.within(self._deadline - self._clock.now(), self._late):
                 yield
                 self._check()
         finally:
@@ -108,23 +106,20 @@ class Watch:
         if self._clock.now() > self._deadline:
             raise self._late()
 
-    def _count(self) -> float:
-        """Adds the time since the last count to the device called last; returns the clock's time."""
-        now = self._clock.now()
-        self._spent[self._called] += now - self._since
-        self._since = now
-        return now
+    def _count(self) -> None:
+        """Adds the time since the last count to the device called last."""
+        self._spent[self._called] += self._lap.lap()
 
     def _late(self) -> DeviceError:
         """The error of a late squeeze; names the device that exceeded its expected time by most."""
-        now, spent = self._count(), self._spent
+        self._count()
+        spent = self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])
         device = slowest if slowest == MACHINE else f"the {slowest}"
         problem = (
-            f"the squeeze may take {self._deadline - self._began:.1f} s and is "
-            f"{max(now - self._deadline, 0.0):.1f} s late: {device} took {spent[slowest]:.1f} s, "
-            f"{expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
+            f"the squeeze is not done after {sum(spent.values()):.1f} s: {device} took "
+            f"{spent[slowest]:.1f} s, {expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
         )
         return MotionRefusedError(problem) if slowest == ARM else GripperStateError(problem)
 

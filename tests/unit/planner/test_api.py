@@ -118,6 +118,16 @@ POSES = [
 ]
 
 
+def test_world_middle_of_fingers_off_collides_at_the_shifted_pose():
+    """Fingers that meet 3 mm off the hand's middle come down on a part as on one that lies 3 mm nearer."""
+    off = Job.load(JOB_PATH).replaced(doubt={"middle_mm": [2.0, 4.0]})
+    plain, shifted = ContactWorld(Job.load(JOB_PATH), 0), ContactWorld(off, 0)
+    across = np.linspace(-60.0, 60.0, 121)
+    expected = [plain.collides((0.0, y, 0.3), 60.0) for y in across]
+    assert 0 < sum(expected) < len(across)
+    assert [shifted.collides((0.0, y + 3.0, 0.3), 60.0) for y in across] == expected
+
+
 @pytest.mark.parametrize(("poses", "message"), POSES)
 def test_api_invalid_poses_raise(world, model, poses, message):
     simulator = model.simulator

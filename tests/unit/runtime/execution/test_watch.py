@@ -9,6 +9,7 @@ from sample_tables import small_table
 
 from runtime.devices import clock as clocks
 from runtime.devices.clock import SystemClock
+from runtime.errors import MotionRefusedError
 from runtime.execution.executor import Executor
 from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch, expected_of
 from runtime.shell.errors import ExpectedError
@@ -50,6 +51,19 @@ def test_watch_late_squeeze_names_cause_and_stops_device_calls(slow, message, ca
         squeeze()
     assert raised.value.exit_code == 20
     assert [device.calls for device in devices] == called
+
+
+def test_watch_scaled_clock_late_squeeze_counts_seconds_of_the_cell():
+    clock = FakeClock()
+    clock.time_scale = 20.0
+    device = SlowDevice(clock, 40.0)  # seconds of the machine, 800 of the cell
+    watch = Watch(clock)
+    arm = watch.watched(device, "arm")
+    with (
+        pytest.raises(MotionRefusedError, match=r"the arm took 800\.0 s, 6\.0 s are usual"),
+        watch.squeeze(Expected(6.0, 4.0)),
+    ):
+        arm.call()
 
 
 def test_watch_squeeze_late_after_last_call_raises():
