@@ -1,4 +1,4 @@
-"""Relays between a run and its devices, which count calls, and change the answers from one call on."""
+"""Relays between a run and its devices: they count the calls, and change the answers from one call on."""
 
 import contextlib
 import os
@@ -42,13 +42,13 @@ class Row(NamedTuple):
     cycle: int
 
     def polls(self) -> list[int]:
-        """Numbers of the calls in the row that are the first, in the first cycle or in the last cycle."""
+        """Returns the numbers of the first call and of the calls in the first and last cycle, from 0."""
         ends = (*range(1 + self.cycle), *range(self.calls - self.cycle, self.calls))
         return sorted({poll for poll in ends if 0 <= poll < self.calls})
 
 
 class Rows:
-    """Groups calls into rows: a call that does not continue the cycle of polls before it begins a new row.
+    """Groups calls into rows: a call that does not continue the current cycle of polls begins a new row.
 
     Attributes:
         rows: all rows; the last one still grows.
@@ -81,7 +81,7 @@ class Rows:
 
 
 class Hindrance:
-    """Counts calls; from the call of the case on, the mode of the case holds."""
+    """Counts the calls to a device, and puts it in the mode of the case from the call of the case on."""
 
     def __init__(self, case: Case | None) -> None:
         self.case = case
@@ -94,7 +94,7 @@ class Hindrance:
         return self._calls.rows
 
     def heard(self, data: bytes) -> str:
-        """Counts a call; returns the mode that holds now, empty for none."""
+        """Counts a call with the request `data`; returns the device's mode now, "" before the case's call."""
         # Without the transaction number of Modbus TCP, in which equal requests differ.
         self._calls.add(data[2:] if data[2:4] == b"\0\0" else data)
         at = (len(self.rows) - 1, self.rows[-1].calls - 1)
@@ -106,7 +106,7 @@ class Hindrance:
 
     @property
     def mode(self) -> str:
-        """The mode that holds now, empty for none."""
+        """The device's mode now, "" before the call of the case."""
         return "" if self.began_s is None or self.case is None else self.case.mode
 
 
@@ -155,7 +155,7 @@ class Relay:
                 self._answer(run, data, mode)
 
     def _flood(self, run: int) -> None:
-        """Sends as many bytes as the run accepts without waiting."""
+        """Sends the run as many bytes as it accepts at once."""
         os.set_blocking(run, False)
         with contextlib.suppress(BlockingIOError):
             os.write(run, FLOOD)
