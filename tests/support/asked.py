@@ -22,7 +22,7 @@ def asked_parts(
 ) -> AskedParts:
     """Returns an `AskedParts`, which answers a robot's lines from a table.
 
-    Without an argument for them, the journal and the clock are fakes. `count` limits the number of parts.
+    Unless they are given, the journal and the clock are fakes. `count` limits the number of parts.
     """
     return AskedParts(
         table,

@@ -1,4 +1,4 @@
-"""Robots that ask the decision server `grasp-runtime --serve`, and this server as a process."""
+"""Robots that ask the decision server `grasp-runtime --serve`, and a process that runs this server."""
 
 import socket
 from math import radians
@@ -83,7 +83,7 @@ class Controller:
         return self._block(**{**quiet, "counts": 0, "held": False, "released": False, **changes})
 
     def locate(self, robot: SimulatedRobot) -> tuple[float, ...] | None:
-        """Locates one part; returns x mm, y mm, angle deg and success, or None if it was not located.
+        """Locates one part; returns x mm, y mm, angle deg and success rate, or None if it was not located.
 
         Raises:
             RuntimeError: the block waits in a state that asks nothing of the robot.

@@ -13,7 +13,7 @@ NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Chain:
-    """Appends records to the journal at `path`, if there is one, and writes it at the end of the `with`."""
+    """Adds records to those of the journal at `path`, if it exists; writes all at the end of the `with`."""
 
     def __init__(self, path):
         self._path = path

@@ -71,9 +71,9 @@ def page_after(page: str, folder: Path) -> str:
 
 
 def value_of(expression: str, scripts: list[str], folder: Path) -> object:
-    """Runs some scripts of the project in Chromium; then evaluates a JavaScript expression.
+    """Runs scripts of the project in Chromium, and returns the value of a JavaScript expression after them.
 
-    `scripts` are paths from the root of the project. Returns the value by way of JSON.
+    `scripts` are paths from the root of the project. The value must be one that JSON can represent.
     """
     modules = [(ROOT / name).read_text("utf-8") for name in scripts]
     text = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)

@@ -39,7 +39,10 @@ def rig(optics: Optics, **flaws: object) -> Rig:
 
 
 class Shown:
-    """A source of pictures that calls `take` for each; where this returns None, it fails like no camera."""
+    """A source of pictures that come from the function `take`.
+
+    If `take` returns None, the source raises the error of an absent camera.
+    """
 
     def __init__(self, take: Callable[[], Picture | None]) -> None:
         self._take = take

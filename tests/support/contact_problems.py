@@ -1,4 +1,4 @@
-"""Contact problems for tests: the contacts of fingers and part at one instant, and what is special there.
+"""Contact problems for tests; the docstring of a problem says what is special about it.
 
 `lcp` writes a `ContactProblem` as eqs 1-5 of the paper, `rows` as the records that the kernels read.
 """
@@ -126,7 +126,7 @@ def sticking() -> ContactProblem:
 
 
 def sliding() -> ContactProblem:
-    """A finger moves at about 60 degrees to the normal: the contact slides, with the greatest friction."""
+    """A finger moves at about 60 degrees to the normal: the contact slides, at the limit of friction."""
     return _problem([[1.0, -10.0]], [UP], [[0.2, 0.1]], mu=0.3)
 
 

@@ -2,7 +2,7 @@
 
 The real driver exchanges register blocks with the simulated gripper. The arm finishes each motion even if the
 process that commanded the motion is killed, as a real controller does. The world knows where the part lies,
-and lists what happened to the part and must never happen.
+and lists each forbidden event that occurs, such as a lift of the part.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ FREE_MM = 1.5
 
 
 class KilledError(BaseException):
-    """Raised where the process is killed; as a BaseException it passes by the process's own handlers."""
+    """Raised where the process is killed; a BaseException, so that no handler of the process catches it."""
 
 
 class Life:
@@ -72,8 +72,8 @@ class World:
     """Part, gripper and arm controller: everything that survives the death of the process.
 
     The part follows `path` through the table. While the part lies where the path expects it, squeezes read
-    the widths of the path; elsewhere they read a width that no branch has. `wrongs` lists what happened and
-    must never happen.
+    the widths of the path; elsewhere they read a width that no branch has. `wrongs` lists each forbidden
+    event that occurs, such as a lift of the part.
     """
 
     def __init__(self, table: Table, path: list[tuple[int, int]]) -> None:

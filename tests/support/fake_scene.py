@@ -44,7 +44,7 @@ def broken(job, seed):
 
 
 class Stumbling:
-    """A world whose first instance, which the cell uses to warm up, works; squeezes in later ones fail."""
+    """A world whose first instance works, since the cell warms up with it; squeezes in later ones fail."""
 
     instances = 0
 

@@ -11,7 +11,7 @@ PLACES = np.array([[-12.0, 0.0, 0.0], [0.0, 0.0, 0.0], [12.0, 0.0, 0.0]])
 
 
 def leaf(poses, counts, share, depth):
-    """Returns a node without actions, which a share of all parts reaches.
+    """Returns a node without actions, which the share `share` of all parts reaches.
 
     Its particles lie at `poses` (n, 3); their last readings are `counts` (n,).
     """

@@ -38,9 +38,9 @@ def cases(count: int, seed: int, first: int = 0) -> Iterator[Case]:
 def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
     """Yields a case for each call to these devices in the run of one part, in each mode.
 
-    Two runs without a fault count the calls. Of a row of polls of a gripper, only the first call and the
-    first and last cycle are taken, unless `polls` is true. All calls to an arm are taken, since each belongs
-    to another step.
+    Two runs without a fault count the calls. Where a gripper is polled repeatedly, only the first call and
+    the first and last cycle of polls are taken, unless `polls` is true. All calls to an arm are taken, since
+    each belongs to another step.
     """
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
         for device in devices:
@@ -53,7 +53,9 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
 
 
 def _counted(bench: Bench, device: str) -> list[Row]:
-    """Runs parts without a fault until two runs end well; returns the rows of calls that both runs have.
+    """Runs parts without a fault until two runs end well; returns the rows of calls that both have.
+
+    The calls are those to the device.
 
     Raises:
         RuntimeError: too many of the runs end badly.

@@ -89,7 +89,8 @@ DEADLINES_S = {
 def deadline_s(case: Case) -> float:
     """Returns the longest time that the run may take after the call of the case [s].
 
-    A slow device answers every call before the deadline of the call, but too late for that of a squeeze.
+    A slow device answers each call before the call's deadline, but delays a squeeze beyond the squeeze's
+    deadline.
     """
     if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]
@@ -165,8 +166,8 @@ class Bench:
     def endpoints(self, case: Case) -> Iterator[tuple[dict[str, str], Hindrance]]:
         """Context with a relay in front of the case's device.
 
-        Yields the addresses of the cell's devices by name, with that of the relay in place of the device's,
-        and the hindrance, which counts the calls and changes the mode.
+        Yields the addresses of the cell's devices by name, and the hindrance. For the case's device, the
+        address is that of the relay. The hindrance counts the calls and changes the mode of the device.
         """
         hindrance, device = Hindrance(case), case.device
         ends = dict(self._cell_of(case).endpoints)
@@ -266,8 +267,8 @@ def _place(url: str) -> tuple[str, int]:
 def _ur_relays(url: str, hindrance: Hindrance, device: str) -> tuple[list[Relay], str]:
     """Returns relays in front of both ports of a UR controller, and the address of the arm behind them.
 
-    Only the relay of the port that `device` names gets the hindrance. The relays, too, have two port numbers
-    of which that for programs is two below that of RTDE.
+    Only the relay of the port that `device` names gets the hindrance. As at a controller, the number of the
+    port for programs is two below that of the port for RTDE.
     """
     host, port = _place(url)
     sound = Hindrance(None)

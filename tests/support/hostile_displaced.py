@@ -1,4 +1,4 @@
-"""Displaces the arm while it stands: if this exceeds the tolerance, the part has to end in a fault.
+"""Displaces the arm while it stands: above the tolerance, a displacement has to end the part in a fault.
 
 Every part runs twice with the same seed. The first run is undisturbed and shows when the arm rests at the
 part. In the second run the arm is displaced at a random moment of one of these rests. Every tenth
@@ -25,7 +25,7 @@ from runtime.table import Table
 from runtime.traversal.results import PartResult
 
 READ = "3 "  # start of the instruction that reads the arm's pose
-# Rests that are not longer are left out: no jaws move in them. Least time from a reading to the displacement.
+# Rests up to SHORT_S are left out, since no jaws move in them. EDGE_S separates readings and displacements.
 SHORT_S, EDGE_S = 0.02, 0.005
 BELOW, ABOVE = 0.8, 1.2  # shares of the tolerance: poses are read to 0.01 mm and about 1 mrad
 MOST_MM, MOST_RAD = 12.0, math.pi
@@ -74,7 +74,7 @@ def campaign(
 def run_part(
     setting: Setting, table: Table, options: RunOptions, seed: int, case: Displacement | None
 ) -> Run:
-    """Runs the first part of a new cell, in which `case` displaces the arm; None: nothing does."""
+    """Runs the first part of a new cell, and displaces the arm meanwhile, unless `case` is None."""
     heard: list[tuple[float, str]] = []
     cell = VirtualCell(setting, seed, None, lambda text: heard.append((cell.clock.now(), text)))
     gripper = cell.gripper()

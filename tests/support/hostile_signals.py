@@ -258,7 +258,7 @@ def _journal(ended: Ended) -> Iterator[str]:
 
 
 class Kind(NamedTuple):
-    """A kind of cases.
+    """What the cases of one kind have in common.
 
     Attributes:
         weight: relative frequency of the kind.
@@ -291,9 +291,9 @@ KINDS = {
 
 @contextlib.contextmanager
 def usual_signals() -> Iterator[None]:
-    """Context in which no signal is ignored, since started processes would ignore it, too.
+    """Context in which no signal of `SIGNALS` is ignored.
 
-    Outside, signals may be ignored, for example because of `nohup`.
+    Under `nohup` a program ignores a signal, and the processes that it starts would ignore the signal, too.
     """
     ignored = [number for number in SIGNALS if signal.getsignal(number) == signal.SIG_IGN]
     for number in ignored:

@@ -108,7 +108,7 @@ class OmniCore:
         return [{"_type": kind, **fields}]
 
     def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
-        """Executes a request that changes the resource at a path, or calls it.
+        """Executes a request that changes the resource at a path, or that starts an action.
 
         An `implicit` request takes mastership while it is executed.
 
@@ -212,9 +212,9 @@ class RwsServer(LibraryServer):
         super().close()
 
     def silent(self) -> bool:
-        """Counts a request; whether it must stay without an answer, since the server is mute.
+        """Counts a request; returns whether the server is mute, and must not answer the request.
 
-        If so, returns only when the server stops.
+        A mute server returns only when it stops.
         """
         self.requests += 1
         return self.mute and self._stopped.wait()

@@ -51,7 +51,7 @@ def integer(register: Register, words: Sequence[int]) -> int:
 class MemoryPlc:
     """Reads and writes the registers of a station in memory, by name, at the time `now`.
 
-    A test ends the part under way by `end_part`.
+    No runtime locates the parts: a test ends the part under way by `end_part`.
     """
 
     def __init__(self, digests: Sequence[int] = (0x12345678,)) -> None:
@@ -200,7 +200,7 @@ class LibmodbusPlc(TcpPlc):
 
 
 class StructuredPlc:
-    """The client tools/docs/clients/plc.st; each cycle reads once and writes once, by way of a `TcpPlc`."""
+    """Executes the client tools/docs/clients/plc.st; a cycle reads and writes once, by way of a `TcpPlc`."""
 
     def __init__(self, plc: TcpPlc) -> None:
         self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())

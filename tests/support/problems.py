@@ -201,7 +201,7 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
 
 
 def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float) -> float:
-    """Returns how deep a part overlaps the fingers of jaws that are `width` apart, at most [mm]."""
+    """Returns the depth of the deepest overlap of a part with the fingers of jaws `width` apart [mm]."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2)) for f in (1, -1))
 

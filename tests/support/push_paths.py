@@ -20,9 +20,9 @@ def joined(many):
 
 
 def random_paths(outline, rng, count):
-    """Draws `count` paths of a pusher with two points, which begin at a random edge of the outline.
+    """Draws `count` paths of a pusher with two points.
 
-    On each path the points either turn about a random centre or move straight.
+    The points start at a random edge of the outline, and turn about a random centre or move straight.
     """
     result = []
     while len(result) < count:

@@ -87,7 +87,7 @@ def variants(
 
 
 def differ(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Returns a mask (n,): which of the poses `ends` differ by more than `CLOSE_MM` or `CLOSE_RAD`."""
+    """Returns a mask (n,): which poses differ from the others by more than `CLOSE_MM` or `CLOSE_RAD`."""
     off = others - ends
     turned = np.abs(np.remainder(off[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
     return (np.hypot(off[:, 0], off[:, 1]) > CLOSE_MM) | (turned > CLOSE_RAD)
@@ -110,7 +110,7 @@ def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.n
 def studied(outline: np.ndarray, n: int, seed: int) -> dict[str, float]:
     """Returns by variant the share of n pushes that end elsewhere than in the reference.
 
-    "overlap_mm2" is the largest overlap of part and fingers after a push of the reference.
+    "overlap_mm2" is the largest area in which part and fingers overlap after a push of the reference.
     """
     part = simulator(outline)
     poses, opening = scattered(outline, n, seed)

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
 SLOW_S, DRIP_S = 0.2, 0.1
-# Bytes of an endless device. More than 64 kB in 5 ms would occupy two cores, by relay and run.
+# Bytes that an endless device sends, and the time until it sends them again. More bytes would keep two cores
+# busy, one with the relay and one with the run.
 FLOOD, FLOOD_S = os.urandom(1 << 16), 0.005
 
 
@@ -81,7 +82,7 @@ class Rows:
 
 
 class Hindrance:
-    """Counts the calls to a device, and puts it in the mode of the case from the call of the case on."""
+    """Counts the calls to a device; from the case's call on, the device is in the case's mode."""
 
     def __init__(self, case: Case | None) -> None:
         self.case = case

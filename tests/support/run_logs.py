@@ -11,8 +11,8 @@ STAMP = "2026-01-02T03:04:05.000Z"
 def chained(entries, stamp=STAMP):
     """Returns the bytes of a journal with these entries, chained by digests.
 
-    An entry without a time gets `stamp`. The entries are numbered, except that an entry whose number is no
-    integer keeps it.
+    An entry without a time gets `stamp`. All entries are numbered anew; only a number that is no integer is
+    kept.
     """
     previous, lines = GENESIS, []
     for number, entry in enumerate(entries):

@@ -38,7 +38,7 @@ class Part(Surroundings):
 
 
 class SchunkRig(GripperRig):
-    """A simulated gripper on a pseudo-terminal; it lets a busy machine pause between requests at will."""
+    """A simulated gripper on a pseudo-terminal; it accepts long pauses between requests of a busy machine."""
 
     contact_um = 21_370
 
@@ -64,9 +64,9 @@ class SchunkRig(GripperRig):
 
 
 class Line(line.Line):
-    """A line that corrupts answers: each function of `mishaps` gets one request and answer.
+    """A line that corrupts answers: each function of `mishaps` gets one request and its answer.
 
-    It returns the pieces that the master receives instead.
+    The function returns the pieces that the master receives instead of the answer.
     """
 
     def __init__(self):

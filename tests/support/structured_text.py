@@ -57,7 +57,7 @@ Arrays without brackets take cubic time, and arrays of expressions most of the r
 
 @cache
 def parser() -> Lark:
-    """Returns a parser of structured text; arrays may have initial values only as integers in brackets."""
+    """Returns a parser of structured text in which initial values of arrays are integers in brackets."""
     grammar = blark.GRAMMAR_FILENAME.read_text()
     for general, narrow in NARROWED.items():
         assert grammar.count(general) == 1

@@ -12,7 +12,7 @@ def random_ellipsoid(rng):
 
 
 def mean_twist_error(predicted, twists):
-    """Returns the mean angle between predicted twists (K, 3), of length 1, and twists (K, 3) [rad]."""
+    """Returns the mean angle between predicted unit twists (K, 3) and twists (K, 3) of any length [rad]."""
     cosine = (predicted * twists).sum(axis=1) / np.linalg.norm(twists, axis=1)
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).mean())
 

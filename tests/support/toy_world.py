@@ -13,7 +13,7 @@ REACH = 3
 
 
 class Toy:
-    """A world in which a part lies at one of some numbered poses, and an action is a squeeze of it.
+    """A world in which a part lies at one of a few numbered poses, and each action squeezes the part.
 
     Attributes:
         after: (actions, poses) number of the pose after each action at each pose.
@@ -45,7 +45,7 @@ class Toy:
     def outcomes(self, squeezes, least_share=0.0, granted=False):
         """Returns the results of all plans of at most `squeezes` squeezes, as (squeezes, parts not located).
 
-        Both numbers are sums over a part at each pose. A plan states a pose only if it locates a share of
+        Both numbers are sums over one part at each pose. A plan states a pose only if it locates a share of
         `least_share` of the parts that may be there. If `granted`, a plan may locate all parts that are left
         after the last squeeze, at the price of one more squeeze of each.
         """
@@ -73,7 +73,8 @@ class Toy:
     def least(self, success, squeezes, **options):
         """Returns the least mean number of squeezes of a plan that locates a share `success` of all parts.
 
-        The plan has at most `squeezes` squeezes; infinite if there is none. `options` are of `outcomes`.
+        The plan has at most `squeezes` squeezes; without such a plan, the result is infinite. `options` go to
+        `outcomes`.
         """
         most = (1.0 - success) * self.size + 1e-9
         plans = self.outcomes(squeezes, **options)

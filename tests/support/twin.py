@@ -89,7 +89,7 @@ def _first_touch(part: Part, pose: np.ndarray) -> float:
 
 
 def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
-    """Returns the part's velocity d(x, y, theta) / ds at the pose q, while both fingers close by s."""
+    """Returns the part's velocity d(x, y, theta) / ds at the pose q, once each finger has closed by s."""
     touched = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
     if not touched:
         return np.zeros(3)

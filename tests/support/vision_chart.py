@@ -16,7 +16,7 @@ LOCATED = Answer(1, 0, -1500, 250, 900_000, 1, 1, 20, 65535, 1.25)
 
 
 class Line:
-    """A server without clients; `events` are functions by name, which call a method or end a part or run."""
+    """A server without clients; `events` maps the name of an event to a function that causes it."""
 
     def __init__(self, listener: socket.socket) -> None:
         self.exchange = Exchange(Station((1, 2), beats=False), SystemClock())
