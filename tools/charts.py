@@ -29,7 +29,7 @@ METHODS = {
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
-    """Charts the share of located parts in each experiment of Table I, of the paper's robot and simulated.
+    """Charts the share of located parts in each experiment of Table I: the paper's robot, and simulation.
 
     As in the paper, a simulated part counts as located if the pose that the plan states is within the goal,
     even if the plan reports the pose as uncertain.
@@ -39,7 +39,7 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         radii_mm: for each part, the radius of the disc in which its centre initially lies.
 
     Raises:
-        ValueError: there is no row, or one without the paper's rate.
+        ValueError: there is no row, or a row lacks the success rate of the paper.
     """
     if not rows or any(row["paper"] is None for row in rows):
         raise ValueError("rows of Table I are needed, each with the paper's rate; run tools/table1")
@@ -86,7 +86,7 @@ def _bars(
 
 
 def label_of(percent: float) -> str:
-    """Formats a percentage with one decimal; "100" only for exactly 100."""
+    """Formats a percentage with one decimal; exactly 100 is "100", and from 99.95 below 100 it is "<100"."""
     if percent == 100.0:
         return "100"
     return "<100" if percent >= 99.95 else f"{percent:.1f}"
@@ -100,10 +100,11 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
 
 
 def calibration(kept: Mapping[str, Any]) -> Figure:
-    """Charts how well predicted pushes are calibrated: the share of measurements in predicted intervals.
+    """Charts how well the predicted scatter of pushes agrees with recorded pushes.
 
-    For x, y and turn, it plots the share of measured coordinates that lie in an interval over the share of
-    simulated draws that lie in it. `kept` is the result of `bench_contact.py`.
+    For x, y and turn, predicted intervals of various sizes are compared with the records. A point shows the
+    share of simulated draws in an interval, and the share of recorded pushes that end in the same interval.
+    `kept` is the result of `bench_contact.py`.
     """
     figure = canvas.blank(WIDTH_IN, 3.4)
     panels = canvas.panels(figure, 1, 3, 3)
@@ -122,7 +123,7 @@ def calibration(kept: Mapping[str, Any]) -> Figure:
 
 
 def worst_pushes(kept: Mapping[str, Any]) -> Figure:
-    """Draws recorded pushes that end farthest from their prediction, out of results of `bench_contact.py`."""
+    """Draws the recorded pushes that end farthest from the prediction, from results of `bench_contact.py`."""
     figure = canvas.blank(WIDTH_IN, 4.7)
     panels = canvas.panels(figure, 2, 4, len(kept["worst"]))
     turn = np.linspace(0.0, 2.0 * np.pi, 40)

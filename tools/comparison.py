@@ -1,6 +1,7 @@
 """Compares methods of planning: compiles a job with each, evaluates the table, and formats the figures.
 
-All tables of a row are evaluated in the row's contact world, with fresh seeds, whatever the planner assumed.
+All tables of a row are evaluated in the row's contact world with fresh seeds, even if a method plans with
+other assumptions.
 """
 
 import tomllib
@@ -26,7 +27,7 @@ Figures = dict[str, Any]
 
 
 class Row(NamedTuple):
-    """A part with the world in which tables for it are evaluated: one row of a table of results."""
+    """A part, and the world in which its decision tables are evaluated: one row of the table of results."""
 
     name: str  # name of the row: an experiment of the paper, or a part
     part: str  # folder of `trees/`
@@ -39,7 +40,7 @@ class Row(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A way to plan: a name, and the changes of the job that select it, as in `Row`."""
+    """A way to plan: its name, and the changes of the job that select it, in the form that `Row` uses."""
 
     name: str
     job: tuple[str, ...] = ()
@@ -59,7 +60,7 @@ METHODS = {method.name: method for method in KNOWN}
 
 
 def table_rows(trees: Path) -> list[Row]:
-    """The rows of the paper's Table I, from `table1.toml`."""
+    """Reads the rows of the paper's Table I from `table1.toml`, and returns them."""
     document = tomllib.loads((trees / "table1.toml").read_text())
     rows = []
     for row in document["row"]:
@@ -69,7 +70,7 @@ def table_rows(trees: Path) -> list[Row]:
 
 
 def zoo_rows(trees: Path) -> list[Row]:
-    """A row for each part outside Table I, in the world of its job."""
+    """Returns a row for each part in `trees` that is not in Table I; the row's world is that of the job."""
     taken = {row.part for row in table_rows(trees)}
     folders = sorted(path.parent.name for path in trees.glob("*/job.toml"))
     return [Row(name=folder, part=folder) for folder in folders if folder not in taken]
@@ -80,9 +81,9 @@ def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None 
 
     Returns:
         Figures for JSON. `success_rate` counts parts that the table reports as located and that lie within
-        the goal. `within_rate` counts all parts whose stated pose is within the goal, even if the table says
-        that the pose is not certain; the paper counts so, since its robot states a pose at every leaf. If
-        there is no plan, `no_plan` says why.
+        the goal. `within_rate` also counts parts within the goal whose pose the table reports as uncertain:
+        the paper counts so, since its robot states a pose at every leaf. If there is no plan, `no_plan` says
+        why.
     """
     job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
     figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials}

@@ -19,7 +19,7 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 
 
 def enter() -> None:
-    """Replaces this process by the Python of the checkout's .venv, unless it is missing or runs already."""
+    """Restarts the tool with the Python of the checkout's .venv, unless this is missing or runs already."""
     python = ROOT / ".venv" / "bin" / "python"
     if python.exists() and Path(sys.prefix) != python.parents[1]:
         os.execv(python, [str(python), *sys.argv])

@@ -56,11 +56,13 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """Simulates a part that starts at a pose (3,) in the world, with nominal limit surface and friction `MU`.
+    """Simulates how the table locates a part that starts at a pose (3,) in the world.
+
+    The part has the nominal limit surface and the friction `MU`.
 
     Returns:
-        The path of the part through the table; None if the part is not located by exactly `squeezes` squeezes
-        or if a node drags it.
+        The path of the part through the table; None if the table does not locate the part by exactly
+        `squeezes` squeezes, or drags it.
     """
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
@@ -157,7 +159,10 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
 
 
 def _belief(poses: Array) -> dict[str, object]:
-    """The outlines of a belief for the template: at most `OUTLINES` poses, and the opacity of each."""
+    """Returns the values by which the template draws a belief.
+
+    These are at most `OUTLINES` poses of the part, and the opacity of an outline.
+    """
     few = subsample(poses, OUTLINES)
     return {"poses": few, "opacity": round(canvas.overlay_opacity(len(few), 0.75), 4)}
 

@@ -1,7 +1,7 @@
-"""A bill of materials (CycloneDX 1.6, JSON) of a folder of wheels: `python tools/sbom.py out/wheels`.
+"""Writes a bill of materials (CycloneDX 1.6, JSON) of a folder of wheels: `python tools/sbom.py out/wheels`.
 
-It is written beside the wheels as `sbom.cdx.json`: each wheel with its SHA-256, version, licence and
-dependencies. `tools/wheel` calls it.
+The bill is the file `sbom.cdx.json` beside the wheels. It lists each wheel with its SHA-256, version, licence
+and dependencies. `tools/wheel` calls this script.
 """
 
 import hashlib

@@ -51,9 +51,9 @@ def squeezes(job: Job) -> Figure:
 
 
 def partition(job: Job, names: Sequence[str]) -> Figure:
-    """Draws Fig. 4 for the part and the gripper of a job.
+    """Draws Fig. 4 for the part and the gripper of a job: the subspaces that the width distinguishes.
 
-    `names` are the names of the subspaces: free space first, then in the order of their widths.
+    `names` are the names of the subspaces: free space first, the others in the order of their widths.
 
     Raises:
         ValueError: the numbers of subspaces and of names differ.
@@ -62,7 +62,7 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     rng = np.random.default_rng(SEED)
     poses = rng.uniform([-SPREAD_MM, -SPREAD_MM, 0.0], [SPREAD_MM, SPREAD_MM, np.pi], (SQUEEZES, 3))
     rolled = simulator.roll_out(poses, simulator.sample(SQUEEZES, rng))
-    # A finger would have stood on the part.
+    # Jaws that stay open: a finger would have stood on the part.
     open_jaws = rolled.width_mm >= simulator.jaws.opening_mm
     final, width_mm = rolled.poses[~open_jaws], rolled.width_mm[~open_jaws]
     result = subspaces_of(width_mm, encoder_of(job))

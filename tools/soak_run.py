@@ -81,7 +81,7 @@ class Watch:
         self.read_s, self.ready = self.now(), ready
 
     def go(self, target: int) -> None:
-        """Checks a command to the jaws."""
+        """Checks a command to the jaws: the gripper must have been read before, and be ready."""
         if self.now() - self.read_s > FRESH_S:
             self.findings.append(
                 f"jaws told to go to {target} without a look since the last command"
@@ -91,7 +91,7 @@ class Watch:
         self.read_s = -math.inf
 
     def overheard(self, text: str) -> None:
-        """Checks an instruction to the arm, if it is a motion."""
+        """Checks an instruction to the arm; instructions other than motions are ignored."""
         if not text.startswith("1 "):
             return
         target = tuple(float(word) for word in text.split(" ")[1:4])
@@ -103,18 +103,18 @@ class Watch:
         self.at_mm = target
 
     def look_at_wrist(self) -> None:
-        """Extends `wrist_deg` by the true angle of the last axis."""
+        """Widens the range `wrist_deg`, so that it contains the true angle of the arm's last axis."""
         if self.cell is not None:
             angle = self.cell.works.arm.joints_at(self.cell.clock.now())[5]
             self.wrist_deg = (min(self.wrist_deg[0], angle), max(self.wrist_deg[1], angle))
 
     def _is_retreat(self, target: tuple[float, ...]) -> bool:
-        """Whether a motion goes straight up, as the safe sequence does without asking the gripper."""
+        """Whether a motion goes straight up: the safe sequence does so without reading the gripper."""
         return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
 
 
 class Pulse(Console):
-    """Measures the longest time between two phases, in which the service manager gets no notification."""
+    """Measures the longest time from phase to phase; meanwhile the service manager gets no notification."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -245,9 +245,9 @@ class Soak:
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
-    """Simulates one cell until a part ends in a fault or all are done.
+    """Simulates one cell until a part ends in a fault or all parts are done; returns the results.
 
-    `faults` are injected instead of random ones.
+    `faults`, if given, are injected instead of random ones.
     """
     plan = soak.plan(seed)
     watch, records, counts = Watch(), Records(soak.table, plan), Counts(seed)
@@ -304,8 +304,8 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Adds a part to `counts`.
 
-    For a part that ends at a leaf and is not delivered, and whose true pose is known, also counts whether it
-    is outside the goal, and adds the failure rate that the leaf predicts.
+    If the part ends at a leaf, is not delivered and has a known true pose, two sums also grow: the number of
+    parts outside the goal, if this part is, and the number predicted, by the failure rate of the leaf.
     """
     truth = cell.scene.truth()
     delivered = result.delivery == "done"

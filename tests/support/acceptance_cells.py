@@ -1,4 +1,4 @@
-"""Simulates cells under the acceptance study: draws audits of parts, and evaluates the study after each."""
+"""Simulates the acceptance study of a cell: draws audited parts, and evaluates the study after each part."""
 
 from collections.abc import Iterable
 from enum import Enum
@@ -15,7 +15,7 @@ UNSEEN, STOPPED = Part(1, outcome="leaf", verdict="unknown"), Part(1, outcome="s
 
 
 class Tried(Enum):
-    """Whether the verdict on a cell was right, given the cell's true rate of failures, or is still open."""
+    """The study's verdict on a cell, compared with the true share of failures: right, wrong or none yet."""
 
     RIGHT = "right"
     WRONG = "wrong"
@@ -23,14 +23,14 @@ class Tried(Enum):
 
 
 def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen=0.0) -> Tried:
-    """Runs a cell until the first verdict on it, or until `most` parts are done.
+    """Draws at most `most` parts of a cell, and compares the study's first verdict with the true rate.
 
     Args:
         rng: source of randomness.
         rate: true share of failures; if it equals the limit, either verdict is wrong.
-        limit: limit of the study on the share of failures.
-        most: most parts.
-        unseen: share of parts at a leaf whose audit has no result, whether or not they failed.
+        limit: largest share of failures that the study accepts.
+        most: greatest number of parts.
+        unseen: share of the parts at a leaf, good or failed, whose audit verdict is "unknown".
     """
     fails, kinds = rng.random(most) < rate, rng.integers(len(FAILED), size=most)
     hidden, stopped = rng.random(most) < unseen, rng.random(most) < 0.01
@@ -42,7 +42,7 @@ def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen
 
 
 def judged(parts: Iterable[Part], rate: float, limit: float) -> Tried:
-    """Compares the first verdict on parts with their true rate; the study is evaluated after each part."""
+    """Evaluates the study after each part, and compares its first verdict with the true rate of failures."""
     for now in followed(parts, limit):
         if now.verdict is Verdict.ACCEPTED:
             return Tried.RIGHT if rate < limit else Tried.WRONG

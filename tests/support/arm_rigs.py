@@ -27,7 +27,10 @@ BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class ArmRig:
-    """A simulated controller of an arm and its driver; a subclass sets `url` and the controller, `model`."""
+    """A simulated arm with its controller; `open` connects the driver.
+
+    A subclass sets `url`, the address for the driver, and `model`, the simulated controller.
+    """
 
     far_mm = 900.0
     base = BASE  # pose of the arm's base that the address states
@@ -57,7 +60,7 @@ class ArmRig:
 
 
 class Abb(ArmRig):
-    """The open_abb driver and its simulated server."""
+    """A simulated open_abb server, for the open_abb driver."""
 
     base, limits = None, ""
 
@@ -75,13 +78,13 @@ class Abb(ArmRig):
 
 
 class AbbWithBase(Abb):
-    """The same with an address that states the arm's base, so that the driver knows the arm's reach."""
+    """A simulated open_abb server whose address states the arm's base: the driver then knows the reach."""
 
     base = BASE
 
 
 class Ur(ArmRig):
-    """The UR driver and a simulated controller."""
+    """A simulated UR controller, for the UR driver."""
 
     def __init__(self):
         super().__init__()
@@ -94,7 +97,7 @@ class Ur(ArmRig):
 
 
 class OmniCoreRig(ArmRig):
-    """The OmniCore driver and a simulated controller."""
+    """A simulated OmniCore controller, for the OmniCore driver."""
 
     def __init__(self, *, digest=False):
         super().__init__()
@@ -114,7 +117,7 @@ class OmniCoreRig(ArmRig):
 
 @cache
 def certificate():
-    """The path of a PEM file with a certificate, its key, and the test authority that issued it."""
+    """Returns the path of a PEM file: a certificate, its key, and the test authority that issued it."""
     folder = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, folder)
     path = f"{folder}/controller.pem"

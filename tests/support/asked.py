@@ -20,7 +20,10 @@ def asked_parts(
     clock: SystemClock | None = None,
     count: int | None = None,
 ) -> AskedParts:
-    """Returns the object that answers a robot's lines by a table, with fakes for what is not given."""
+    """Returns an `AskedParts`, which answers a robot's lines from a table.
+
+    Unless they are given, the journal and the clock are fakes. `count` limits the number of parts.
+    """
     return AskedParts(
         table,
         "0" * 64,

@@ -1,4 +1,4 @@
-"""Robots that ask the decision server `grasp-runtime --serve`, and this server as a process."""
+"""Robots that ask the decision server `grasp-runtime --serve`, and a process that runs this server."""
 
 import socket
 from math import radians
@@ -25,12 +25,12 @@ CLIENTS = ROOT / "tools" / "docs" / "clients"
 
 
 def client() -> ModuleType:
-    """The module of the documented client, which imports nothing of this project."""
+    """Imports and returns tools/docs/clients/robot.py, a client that uses no code of this project."""
     return module_at(CLIENTS / "robot.py")
 
 
 class SimulatedRobot:
-    """A robot for the documented client: moves arm and gripper of a simulated cell in virtual time."""
+    """A robot for the clients in tools/docs/clients: arm and gripper of a simulated cell in virtual time."""
 
     def __init__(self, setting: Setting, seed: int, table: Table) -> None:
         self.cell = VirtualCell(setting, seed)
@@ -66,7 +66,10 @@ class SimulatedRobot:
 
 
 class Controller:
-    """The documented client in structured text, called as a PLC calls it; `line` leads to the server."""
+    """The client tools/docs/clients/robot.st, called cycle by cycle as a PLC calls it.
+
+    `line` is the connection to the decision server.
+    """
 
     ERROR = 4
 
@@ -75,15 +78,15 @@ class Controller:
         self._block = FunctionBlock((CLIENTS / "robot.st").read_text())
 
     def cycle(self, **changes: object) -> dict[str, object]:
-        """Calls the block once and returns its outputs; inputs that are not named have their idle values."""
+        """Calls the function block once and returns its outputs; inputs outside `changes` are idle."""
         quiet = {"start": False, "answered": False, "answer": "", "placed": False}
         return self._block(**{**quiet, "counts": 0, "held": False, "released": False, **changes})
 
     def locate(self, robot: SimulatedRobot) -> tuple[float, ...] | None:
-        """Locates one part; returns x mm, y mm, angle deg and success, or None if it was not located.
+        """Locates one part; returns x mm, y mm, angle deg and success rate, or None if it was not located.
 
         Raises:
-            RuntimeError: the block waits in a state in which no robot moves.
+            RuntimeError: the block waits in a state that asks nothing of the robot.
         """
         result = self.cycle(start=True)
         while result["state"] != 0:
@@ -120,7 +123,7 @@ class Results(Console):
 def driven(
     setting: Setting, seed: int, table: Table, count: int, journal: Journal
 ) -> list[dict[str, object]]:
-    """Runs `count` parts with the executor in the simulated cell; returns a record of each as `Results`."""
+    """Runs `count` parts with the executor in a simulated cell; returns what `Results` collects of them."""
     cell, result = VirtualCell(setting, seed), Results()
     devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
     run_journalled(table, devices, result, RunOptions(activate=True, count=count))
@@ -128,7 +131,7 @@ def driven(
 
 
 class Served(ServedRun):
-    """`grasp-runtime --serve` as a process that answers at `port`."""
+    """A process of `grasp-runtime --serve`, which listens at the TCP port `port`."""
 
     def __init__(self, tree: Path, *more: str) -> None:
         words = ["--tree", str(tree), "--serve", "tcp://127.0.0.1:0", *more]
@@ -136,7 +139,7 @@ class Served(ServedRun):
 
 
 class Line(Closing):
-    """A client that sends arbitrary bytes to the server."""
+    """A TCP connection to the decision server, for lines and for arbitrary bytes."""
 
     def __init__(self, served: Served) -> None:
         self.socket = socket.create_connection(("127.0.0.1", served.port), timeout=WAIT_S)
@@ -146,7 +149,7 @@ class Line(Closing):
         self.socket.sendall(data)
 
     def read(self) -> str:
-        """Reads the next line; "" if the connection has ended."""
+        """Returns the server's next line, or "" if the connection has ended."""
         return self._file.readline().decode("ascii").rstrip("\n")
 
     def ask(self, line: str) -> str:

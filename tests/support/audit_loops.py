@@ -14,12 +14,12 @@ from programs import RUNTIME, ended
 from runtime.journal.chain import records
 from runtime.table import Table
 
-# Error of the poses of leaf k, k + 8, ... [mm]: right, wrong, and close to a threshold of 3 mm.
+# Distances by which `mixed` moves the poses of leaf k, k + 8, ... [mm]; some are close to the goal of 3 mm.
 OFF_MM = (0.0, 3.03, 0.0, 2.85, 3.12, 3.2, 5.0, 4.0)
 
 
 class Judged(NamedTuple):
-    """An audited part.
+    """An audited part: the answer of the audit, and where the part truly was.
 
     Attributes:
         answer: the audit's record in the journal.
@@ -33,7 +33,7 @@ class Judged(NamedTuple):
 
 
 def mixed(table: Table) -> Table:
-    """The table with the poses of its leaves moved by `OFF_MM`, so that some of them are wrong."""
+    """Returns the table with its leaves' poses moved by `OFF_MM`: some then state a wrong pose."""
     leaves = []
     for number, leaf in enumerate(table.leaves):
         off_um, bearing = 1e3 * OFF_MM[number % len(OFF_MM)], 2.4 * number
@@ -43,7 +43,10 @@ def mixed(table: Table) -> Table:
 
 
 def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: float) -> list[str]:
-    """The command of a run; `folder` holds camera.json and tag.json, and receives the journal."""
+    """Returns the command of an audited run in a simulated cell.
+
+    `folder` holds camera.json and tag.json for the audit, and receives the journal.
+    """
     audit = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(tree)]
     audit += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
     audit += ["--deadline", "9.5"]
@@ -58,7 +61,7 @@ class Loop(NamedTuple):
 
     Attributes:
         parts: the audited parts.
-        outcomes: number of parts by outcome, of all parts.
+        outcomes: number of parts with each outcome, audited or not.
         faults: reason of each part that ended in a fault, and of each run that did not start.
     """
 
@@ -70,10 +73,11 @@ class Loop(NamedTuple):
 def loop(
     tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20
 ) -> Loop:
-    """Runs until `parts` parts were audited, in at most `runs` runs; after a fault the next seed continues.
+    """Runs `grasp-runtime` until `parts` parts are audited; returns the results of all runs.
 
-    A busy machine may exceed the deadlines of gripper and arm at a high `time_scale`. The audit is not to
-    blame for that: faults are collected, and are no failure.
+    A fault ends a run, and the next run has the next seed; there are at most `runs` runs. At a high
+    `time_scale` a busy machine may exceed the deadlines of gripper and arm. The audit does not cause such
+    faults: they are collected, and do not count as failures.
     """
     result = Loop([], Counter(), [])
     for number in range(runs):
@@ -94,7 +98,7 @@ def loop(
 
 
 def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
-    """The records of each run in a journal; none if there is no journal yet."""
+    """Returns a list of records for each run in a journal; an empty list if the journal does not exist."""
     runs: list[list[dict[str, Any]]] = []
     for record in records(journal) if journal.exists() else ():
         if record["kind"] == "header":
@@ -104,7 +108,7 @@ def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
 
 
 def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dict[str, Any]]]:
-    """The audited parts of one run, and all its parts as `--json` prints them.
+    """Returns the audited parts of one run, and all parts of the run as `--json` prints them.
 
     Args:
         said: standard output of the run.
@@ -117,10 +121,10 @@ def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dic
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:
-    """Figures of how well the audit's verdicts agree with the true distances.
+    """Returns figures of how well the audit's verdicts agree with the true distances.
 
-    `false_passes` counts parts outside the goal that passed. `beyond_the_budget` counts parts whose measured
-    distance differs from the true distance by more than the error that the audit stated.
+    `false_passes` counts parts outside the goal that the audit passed. `beyond_the_budget` counts parts for
+    which measured and true distance differ by more than the error that the audit states.
     """
     given = [part for part in parts if part.answer["verdict"] != "unknown"]
     measured = [part for part in parts if "distance" in part.answer]

@@ -1,4 +1,4 @@
-"""Writes journals of audited parts in one go, without the runtime and its sync of every record."""
+"""Writes journals of audited parts without the runtime, which would sync every record to disk."""
 
 import json
 
@@ -13,7 +13,7 @@ NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Chain:
-    """Collects records after those of a journal's file, if it exists; writes all of them at the end."""
+    """Adds records to those of the journal at `path`, if it exists; writes all at the end of the `with`."""
 
     def __init__(self, path):
         self._path = path
@@ -34,7 +34,10 @@ class Chain:
 
 
 def write(path, parts, tree=TABLE, ended=True):
-    """Writes a journal of parts as grasp-runtime would, with the residuals of the audit; returns its path."""
+    """Appends a run of `parts` to a journal, as grasp-runtime would record it; returns the path.
+
+    The records of the audit contain the parts' residuals. If `ended` is false, the run has no last record.
+    """
     with Chain(path) as journal:
         journal.header(tree)
         for part in parts:

@@ -1,6 +1,6 @@
-"""Moves a gripper at a port with BKSModule, of SCHUNK's bkstools, and prints the results as a JSON object.
+"""Moves a gripper with SCHUNK's own software, the class BKSModule of bkstools; prints the results as JSON.
 
-test_bkstools runs this script on a simulated gripper.
+The argument is the gripper's port. test_bkstools runs this script on a simulated gripper.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""A calibration board on the table and before the camera of `cameras`, as cards and as exact corners."""
+"""Shows a calibration board to the camera of `cameras`, as cards to be rendered and as exact corners."""
 
 import cv2
 import numpy as np
@@ -14,12 +14,12 @@ TILTS = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
 
 
 def held(tilt, spot, distance_mm):
-    """The board as a card in the world, tilted before the camera.
+    """Returns the board as a card that is held before the camera and tilted.
 
     Args:
         tilt: rotation about the camera's x and y axes [rad].
-        spot: pixel at which its middle appears.
-        distance_mm: depth of its middle before the camera.
+        spot: pixel at which the board's middle appears.
+        distance_mm: depth of the board's middle along the camera's axis.
     """
     ray = VIEW.lens.rays(np.array([spot]))[0]
     turn, _ = cv2.Rodrigues(np.array([*tilt, 0.1]))
@@ -35,7 +35,10 @@ def corners_on_board():
 
 
 def seen(card, name, rng=None, noise_px=0.0):
-    """The corners of a card as a perfect detector would find them, or with noise of `noise_px`."""
+    """Returns the board's corners in a picture of the card, as a perfect detector would find them.
+
+    `name` is the name of the picture. `rng` adds noise with the standard deviation `noise_px`.
+    """
     points = corners_on_board()
     solid = card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down
     pixels = OPTICS.project(solid)
@@ -46,7 +49,7 @@ def seen(card, name, rng=None, noise_px=0.0):
 
 
 def cards():
-    """Cards of a board on the table, and tilted in the middle and in all corners of the picture."""
+    """Returns cards of the board: one flat on the table, the others tilted, in all parts of the picture."""
     table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
     shown = (held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))
@@ -54,7 +57,7 @@ def cards():
 
 
 def places():
-    """Points of the table that cover the picture, and their pixels."""
+    """Returns points (n, 2) of the table [mm], spread over the whole picture, and their pixels (n, 2)."""
     x, y = np.meshgrid(np.linspace(30, 930, 9), np.linspace(30, 510, 5))
     pixels = np.column_stack([x.ravel(), y.ravel()])
     return VIEW.on_plane(pixels), pixels

@@ -61,7 +61,7 @@ NEEDED = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: ch
 
 
 def page_after(page: str, folder: Path) -> str:
-    """The HTML of a page after its scripts have run."""
+    """Opens a page in Chromium; returns its HTML after its scripts have run."""
     file = folder / "page.html"
     file.write_text(page, "utf-8")
     words = [str(CHROMIUM), *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom"]
@@ -71,7 +71,10 @@ def page_after(page: str, folder: Path) -> str:
 
 
 def value_of(expression: str, scripts: list[str], folder: Path) -> object:
-    """The JSON value of a JavaScript expression, evaluated after some scripts of the project."""
+    """Runs scripts of the project in Chromium, and returns the value of a JavaScript expression after them.
+
+    `scripts` are paths from the root of the project. The value must be one that JSON can represent.
+    """
     modules = [(ROOT / name).read_text("utf-8") for name in scripts]
     text = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
     shown = "document.getElementById('result').textContent"

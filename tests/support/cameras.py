@@ -34,12 +34,15 @@ def camera(*, below: bool = True) -> Optics:
 
 
 def rig(optics: Optics, **flaws: object) -> Rig:
-    """The camera with its reference tags and the tag of the part."""
+    """Returns a camera with the reference tags and the part's tag before it; `flaws` impair its pictures."""
     return Rig(optics, Flaws(**flaws), NUMBER, SIDE_MM, (2.0, -1.0, 0.3), REFERENCES)
 
 
 class Shown:
-    """A source of pictures that a function takes; fails like an absent camera if it returns None."""
+    """A source of pictures that come from the function `take`.
+
+    If `take` returns None, the source raises the error of an absent camera.
+    """
 
     def __init__(self, take: Callable[[], Picture | None]) -> None:
         self._take = take
@@ -56,21 +59,27 @@ class Shown:
 
 
 def stain(pose: tuple[float, float, float], size_mm: tuple[float, float]) -> Card:
-    """A dark rectangle at a pose on the table, seen by the camera below it; `size_mm` is along x and y."""
+    """Returns a card that shows a dark rectangle on the table to a camera below the table.
+
+    `pose` is (x mm, y mm, rad); `size_mm` is the size along x and y.
+    """
     columns, rows = (round(5.0 * size) for size in size_mm)
     card = lying(np.zeros((rows, columns), np.uint8), 0.2, pose, face_down=True, margin_mm=0.0)
     return replace(card, tones=(0.25, 1.0))
 
 
 def true_view(optics: Optics) -> View:
-    """The view that a perfect calibration would result in."""
+    """Returns the view that a perfect calibration of the camera would find."""
     focal = (optics.focal, optics.focal)
     lens = Lens(optics.width, optics.height, focal, optics.centre, optics.distortion)
     return View(lens, optics.rotation, -optics.rotation @ optics.eye_mm)
 
 
 def true_calibration(optics: Optics, references: bool = True) -> CameraCalibration:
-    """A perfect calibration that states an error of 0.02 mm."""
+    """Returns a perfect calibration, which states a standard deviation of 0.02 mm everywhere on the table.
+
+    With `references` false, the calibration lists no reference tags.
+    """
     stuck = REFERENCES if references else ()
     places = tuple(Reference(number, x, y) for number, (x, y, _) in stuck)
     axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
@@ -79,7 +88,7 @@ def true_calibration(optics: Optics, references: bool = True) -> CameraCalibrati
 
 
 def keep_standard(folder: Path) -> None:
-    """Writes camera.json and tag.json of the camera and the tag of a simulated cell."""
+    """Writes camera.json and tag.json, which describe the camera and the part's tag of a simulated cell."""
     rig = standard_rig()
     places = tuple(Reference(number, x, y) for number, (x, y, _) in rig.references)
     save(replace(true_calibration(rig.optics), references=places), folder / "camera.json")
@@ -87,7 +96,7 @@ def keep_standard(folder: Path) -> None:
 
 
 def part_tag(**values: object) -> PartTag:
-    """The tag of the part as `rig` places it, or with other values."""
+    """Returns the part's tag as `rig` places it; `values` replace fields of the tag."""
     usual = {"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
     return PartTag(**{**usual, **values})
 

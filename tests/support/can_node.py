@@ -1,6 +1,6 @@
 """The simulated gripper as a CANopen node with the two objects that `drivers.robotiq.canopen` uses.
 
-It aborts a request for any other object, as CiA 301 demands.
+The node aborts a request for any other object, as CiA 301 demands.
 """
 
 from collections.abc import Callable
@@ -14,12 +14,12 @@ from drivers.sim.devices.gripper import GripperModel
 
 
 class CanNode:
-    """A node on a bus.
+    """Connects the simulated gripper to a CAN bus, as a node.
 
     Args:
         device: the simulated gripper.
         now: returns simulated seconds.
-        where: bus, number of the node and indices of the objects.
+        where: the bus, the number of the node, and the indices of the objects.
     """
 
     def __init__(self, device: GripperModel, now: Callable[[], float], where: CanMap) -> None:
@@ -56,7 +56,7 @@ class CanNode:
 
 
 def dictionary(where: CanMap) -> canopen.ObjectDictionary:
-    """The two objects of the map, with a subindex (unsigned 8) for each byte."""
+    """Returns an object dictionary with the two objects of a map; each byte of them is a subindex."""
     result = canopen.ObjectDictionary()
     for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
         record = objectdictionary.ODRecord(name, index)

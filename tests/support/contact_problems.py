@@ -1,6 +1,6 @@
-"""Instants of contact shared by tests, each with what is odd about it.
+"""Contact problems for tests; the docstring of a problem says what is special about it.
 
-`lcp` poses a `ContactProblem` as eqs 1-5 of the paper, `rows` as the kernels' records.
+`lcp` writes a `ContactProblem` as eqs 1-5 of the paper, `rows` as the records that the kernels read.
 """
 
 import math
@@ -13,16 +13,16 @@ from planner.mechanics.step import STEP_WORK, StepWork
 
 
 class ContactProblem(NamedTuple):
-    """One instant of contact; positions and advances in mm, relative to the part's origin.
+    """The m contacts of fingers and part at one instant; lengths in mm, points relative to the part's origin.
 
     Attributes:
         A: (3, 3) limit surface matrix.
-        rho: the length it is normalised with.
+        rho: length by which torques and turns are normalised in `A`.
         points: (m, 2) points of contact.
         normals: (m, 2) unit normals into the part.
-        advance: (m, 2) displacement of the finger at each contact.
-        gap: (m,) distance still open.
-        mu: (m,) friction.
+        advance: (m, 2) displacement of the finger at each contact during the step.
+        gap: (m,) distance between finger and part at each contact; 0 if they touch.
+        mu: (m,) coefficient of friction at each contact.
     """
 
     A: np.ndarray
@@ -35,7 +35,10 @@ class ContactProblem(NamedTuple):
 
 
 def wrenches(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Normalised wrenches (m, 3) of unit normal and tangential force at each contact (eq. 2)."""
+    """Returns the wrenches (m, 3) of unit normal forces, and those of unit tangential forces (eq. 2).
+
+    Torques are divided by `rho`.
+    """
     tangents = np.column_stack([-problem.normals[:, 1], problem.normals[:, 0]])
     x, y = problem.points.T
     N, T = (
@@ -46,13 +49,20 @@ def wrenches(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def goals(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
-    """What each contact asks of the part: least motion along the normal, the finger's along the tangent."""
+    """Returns two displacements (m,) that the contacts ask of the part [mm].
+
+    The first is the least displacement along each normal, by which the part keeps out of the finger. The
+    second is the finger's displacement along each tangent, which a sticking part follows.
+    """
     n, u = problem.normals, problem.advance
     return (n * u).sum(axis=1) - problem.gap, -n[:, 1] * u[:, 0] + n[:, 0] * u[:, 1]
 
 
 def lcp(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Eqs 1-5 as w = M z + q, with z = (f_n, f_t+, f_t-, lambda), each (m,)."""
+    """Returns M (4 m, 4 m) and q (4 m,) of eqs 1-5 in the form w = M z + q.
+
+    z consists of f_n, f_t+, f_t- and lambda, each (m,).
+    """
     N, T = wrenches(problem)
     normal, tangential = goals(problem)
     m = len(normal)
@@ -66,7 +76,7 @@ def lcp(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rows(problem: ContactProblem) -> np.ndarray:
-    """The same contacts as the kernels' records; even ones belong to the upper finger."""
+    """Returns the contacts as the records of the kernels; even contacts belong to the upper finger."""
     N, T = wrenches(problem)
     result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
     met = result[: len(N)]
@@ -80,9 +90,10 @@ def rows(problem: ContactProblem) -> np.ndarray:
 
 
 def random_contacts(rng: np.random.Generator, m: int) -> ContactProblem:
-    """Contacts anywhere within 20 mm, normals in any direction, two fingers closing by up to 0.5 mm each.
+    """Draws m contacts with x and y within 20 mm and normals in any direction.
 
-    Even contacts belong to the upper finger and odd ones to the lower; a third of them have a gap still open.
+    Two fingers close by up to 0.5 mm each. Even contacts belong to the upper finger, odd contacts to the
+    lower. About a third of the contacts have a gap.
     """
     root = rng.normal(size=(3, 3))
     angle = rng.uniform(0, math.tau, m)
@@ -110,29 +121,32 @@ UP, DOWN = [0.0, 1.0], [0.0, -1.0]
 
 
 def sticking() -> ContactProblem:
-    """One vertex pushed almost through the centre: friction is never spent."""
+    """A finger pushes a vertex almost towards the part's centre: the contact sticks."""
     return _problem([[1.0, -10.0]], [UP], [[0.0, 0.1]], mu=0.5)
 
 
 def sliding() -> ContactProblem:
-    """The pusher moves at 60 degrees to its normal: the force is on the edge of its cone."""
+    """A finger moves at about 60 degrees to the normal: the contact slides, at the limit of friction."""
     return _problem([[1.0, -10.0]], [UP], [[0.2, 0.1]], mu=0.3)
 
 
 def receding() -> ContactProblem:
-    """The finger moves away: the answer is no force and no motion."""
+    """The finger moves away from the part: there is no force, and the part does not move."""
     return _problem([[1.0, -10.0]], [UP], [[0.05, -0.1]], mu=0.5)
 
 
 def jamming(offset_deg: float = 20.0, mu: float = 0.5) -> ContactProblem:
-    """Two vertices on a diagonal `offset_deg` from the closing axis: no solution within atan(mu)."""
+    """Two fingers press on opposite vertices, whose diagonal is `offset_deg` from the closing axis.
+
+    If this angle is less than atan(mu), the part jams, and the problem has no solution.
+    """
     angle = math.radians(offset_deg)
     tip = 18.0 * np.array([math.sin(angle), math.cos(angle)])
     return _problem([list(tip), list(-tip)], [DOWN, UP], [[0.0, -0.1], [0.0, 0.1]], mu)
 
 
 def flush(rng: np.random.Generator) -> ContactProblem:
-    """Two sides of a part, about parallel, between two faces that meet it at two points each."""
+    """Draws a part with two sides, parallel or nearly so, between the fingers; each has two contacts."""
     ends, tilt = rng.uniform(-15.0, 15.0, (2, 2)), rng.choice([0.0, 1e-2])
     points = np.column_stack([ends.T.ravel(), np.tile([8.0, -8.0], 2)])
     down, up = [math.sin(tilt), -math.cos(tilt)], UP
@@ -141,7 +155,7 @@ def flush(rng: np.random.Generator) -> ContactProblem:
 
 
 def wedged() -> ContactProblem:
-    """A finger's corner deep in a notch of 60 degrees, the other finger below: no way out."""
+    """A finger's corner presses on both walls of a notch, the other finger from below: no solution."""
     left, right = math.radians(-60.0), math.radians(-120.0)
     normals = [[math.cos(left), math.sin(left)], [math.cos(right), math.sin(right)], UP]
     points, advance = [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]], [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]]
@@ -149,18 +163,18 @@ def wedged() -> ContactProblem:
 
 
 def flush_push() -> ContactProblem:
-    """A face pushed by a face: two contacts share one force, so that no force is unique, the motion is."""
+    """A finger's face pushes a face of the part at two contacts: the motion is unique, the forces are not."""
     return _problem([[-8.0, -10.0], [8.0, -10.0]], [UP, UP], [[0.0, 0.1], [0.0, 0.1]], mu=0.5)
 
 
 def flush_grasp() -> ContactProblem:
-    """Two faces between two faces: four contacts, rank two, and no solution whatever the friction."""
+    """Two faces of a part between both fingers, two contacts on each: no solution, whatever the friction."""
     points = [[-8.0, -10.0], [8.0, -10.0], [-8.0, 10.0], [8.0, 10.0]]
     return _problem(points, [UP, UP, DOWN, DOWN], [[0.0, 0.1]] * 2 + [[0.0, -0.1]] * 2, mu=0.5)
 
 
 def repeated_contact() -> ContactProblem:
-    """The same vertex listed three times: every pair of them is singular."""
+    """The same contact listed three times: the equations of any two of the three are linearly dependent."""
     return _problem([[6.0, -10.0]] * 3, [UP] * 3, [[0.0, 0.1]] * 3, mu=0.5)
 
 
@@ -175,12 +189,12 @@ HAVE_NONE = {"jamming": jamming, "wedged": wedged, "flush grasp": flush_grasp}
 
 
 def workspace() -> StepWork:
-    """A fresh workspace of a step."""
+    """Returns an empty workspace for one step of the kernels."""
     return np.zeros(1, STEP_WORK).view(np.recarray)[0]
 
 
 def posed(problem: ContactProblem) -> StepWork:
-    """A workspace with the contacts of a problem."""
+    """Returns a workspace that contains the limit surface and the contacts of a problem."""
     work = workspace()
     work.A[:] = problem.A
     work.contacts[:] = rows(problem)

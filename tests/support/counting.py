@@ -25,17 +25,17 @@ def count_of(width: int) -> int:
 
 
 def decide(decided: DecisionMap, count: int, felt: bool) -> int:
-    """The branch of a count and object flag, or `REJECT`."""
+    """Returns the branch that a node's decision map assigns to a count and object flag, or `REJECT`."""
     return look_up(decided, width_um(count), felt)
 
 
 def by_count(decided: DecisionMap) -> tuple[int, ...]:
-    """The branch of each count, by the map for readings with either object flag."""
+    """Returns the branch of each count from 0 to 255, without regard to the object flag."""
     return tuple(decided.either.at(width_um(count)) for count in range(COUNTS))
 
 
 def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> GripperState:
-    """A state of the gripper, given in counts."""
+    """Returns a state of the gripper; `count` is the position, `echo` the echoed request [counts]."""
     text = fault_text(fault).partition(";")[0] if fault else ""
     target = SETTINGS.target_um(echo)
     said = f"0x{fault:02X}, {text}" if fault else ""
@@ -44,7 +44,7 @@ def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> Gripp
 
 
 def label_of(clusters, readings):
-    """The number (n,) of the cluster of a `Partition` in which each reading (n,) lies; -1 if in none."""
+    """Returns for each reading (n,) the number of its cluster in a `Partition`, or -1 if it is in none."""
     readings = np.asarray(readings)[:, None]
     inside = (clusters.low <= readings) & (readings <= clusters.high)
     return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)

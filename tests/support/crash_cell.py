@@ -1,8 +1,8 @@
-"""A cell in memory whose controlling process can be killed before or after any frame or journal write.
+"""A cell in memory whose controlling process can be killed at any frame, arm command or journal write.
 
-The real driver exchanges register blocks with the simulated gripper. The arm executes whole motions, as its
-controller does: also after the process that sent the motion was killed. The world knows where the part lies,
-and lists everything that must never happen to the part.
+The real driver exchanges register blocks with the simulated gripper. The arm finishes each motion even if the
+process that commanded the motion is killed, as a real controller does. The world knows where the part lies,
+and lists each forbidden event that occurs, such as a lift of the part.
 """
 
 import hashlib
@@ -36,11 +36,11 @@ FREE_MM = 1.5
 
 
 class KilledError(BaseException):
-    """The process was killed. It is a BaseException, so that no handler of the process runs."""
+    """Raised where the process is killed; a BaseException, so that no handler of the process catches it."""
 
 
 class Life:
-    """Counts the moments of one process, and kills it at the moment with number `last`."""
+    """Counts the moments at which a process may be killed, and kills it at the moment with number `last`."""
 
     def __init__(self, last: int | None) -> None:
         self.last, self.moment = last, 0
@@ -71,8 +71,9 @@ class Time(VirtualClock):
 class World:
     """Part, gripper and arm controller: everything that survives the death of the process.
 
-    The part follows one path through the table. While it lies where the path expects it, squeezes read the
-    widths of the path; else they read a width that no branch has. `wrongs` lists what must never happen.
+    The part follows `path` through the table. While the part lies where the path expects it, squeezes read
+    the widths of the path; elsewhere they read a width that no branch has. `wrongs` lists each forbidden
+    event that occurs, such as a lift of the part.
     """
 
     def __init__(self, table: Table, path: list[tuple[int, int]]) -> None:
@@ -108,7 +109,7 @@ class World:
         self._grip_mm = self.model.opening_mm(self.time.now())
 
     def released(self) -> None:
-        """Does nothing: `_let_go` reads the opening itself."""
+        """Does nothing: `_let_go` checks the opening of the jaws whenever the arm moves."""
 
     def _let_go(self) -> None:
         opening_mm = self.model.opening_mm(self.time.now())
@@ -144,7 +145,7 @@ class World:
         return hypot(x_mm - self._lies_mm[0], y_mm - self._lies_mm[1]) <= NEAR_MM
 
     def _expected(self, index: int) -> tuple[float, float]:
-        """The place of the part before step `index` of the path [mm], after the drags of earlier steps."""
+        """Returns where the part should lie before step `index` of the path [mm], after all earlier drags."""
         place = (0.0, 0.0)
         for number, _ in self.path[:index]:
             node = self.table.nodes[number]
@@ -156,7 +157,7 @@ class World:
 
 
 def _near(at_mm: tuple[float, ...], place: Pose2) -> bool:
-    """Whether the hand stands at a place, at any height."""
+    """Whether a hand at `at_mm` stands at a place; the height does not matter."""
     near = hypot(place[0] - at_mm[0], place[1] - at_mm[1]) <= NEAR_MM
     return near and abs(remainder(place[2] - at_mm[3], tau)) <= NEAR_RAD
 
@@ -231,7 +232,14 @@ class CountedJournal(Journal):
 
 
 def process(world: World, path: Path, options: RunOptions, *, last=None, after_crash="resume"):
-    """Runs the controlling process once, wired as in `runtime.cli`.
+    """Runs the controlling process once, put together as in `runtime.cli`.
+
+    Args:
+        world: the cell.
+        path: the journal.
+        options: options of the run.
+        last: number of the moment at which the process is killed; None: never.
+        after_crash: what the run does if the journal ends in a crash: "abort", "resume" or "restart".
 
     Returns:
         The tally of the run, and the number of moments that passed.
@@ -253,5 +261,5 @@ def process(world: World, path: Path, options: RunOptions, *, last=None, after_c
 
 
 def restart_takes_a_while(world: World) -> None:
-    """Lets the time between two processes pass, in which motions end."""
+    """Lets the time pass that a restart of the process takes; motions of the gripper end meanwhile."""
     world.time.sleep(RESTART_S)

@@ -19,7 +19,7 @@ LONG = 10_000  # requests, more than any test sends
 
 
 class VirtualDh(Surroundings):
-    """A gripper with a part or nothing between its fingers, and with faults on its line."""
+    """A simulated DH gripper; a part stops its fingers at `contact_mm`, unless this is None."""
 
     def __init__(self, *, contact_mm: float | None = None, seed: int = 1) -> None:
         self.contact_mm = contact_mm
@@ -52,7 +52,7 @@ class VirtualDh(Surroundings):
         return gripper
 
     def fault(self, kind: str, *, length: int = LONG, value: float = 0.0) -> None:
-        """Injects a fault into the next `length` requests."""
+        """Injects a fault of a kind (drivers/sim/FAULTS.md) into the next `length` requests."""
         self.desk._schedule = Listed([Fault(kind, at=0, length=length, value=value)])
         self.desk.begin(0)
 

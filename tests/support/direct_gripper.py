@@ -29,7 +29,8 @@ class VirtualClock:
 class DirectLink:
     """A link to a simulated gripper in memory; each transaction takes 6 ms.
 
-    A test may set `on_write`: it is called with each written block, which is dropped if it returns true.
+    A test may set the function `on_write`, which receives each written block. If it returns true, the block
+    does not reach the gripper.
     """
 
     endpoint = "virtual"
@@ -79,7 +80,7 @@ class Answer(NamedTuple):
 
 
 class Counted:
-    """Wraps the driver for tests in counts: commands and readings are those of the gripper's registers."""
+    """Wraps the driver for tests in counts: commands and readings are in register units."""
 
     def __init__(self, gripper):
         self.driver = gripper

@@ -21,14 +21,14 @@ MARK = "==== next block ===="
 
 
 class Block(NamedTuple):
-    """The commands of a block and the output that it shows, line by line."""
+    """A command block of a page: the lines of its commands, and the lines of output that it shows."""
 
     commands: list[str]
     printed: list[str]
 
 
 def blocks(page: Path) -> list[Block]:
-    """The command blocks of a page, in order; blocks of bash or sh contain commands only."""
+    """Returns the command blocks of a page, in order; blocks of bash or sh contain commands only."""
     results = []
     for match in BLOCK.finditer(page.read_text()):
         text = textwrap.dedent(match[3])
@@ -42,23 +42,23 @@ def blocks(page: Path) -> list[Block]:
 
 
 def section(page: str, title: str) -> str:
-    """The text of a page below a heading of the second level, up to the next such heading."""
+    """Returns the text of a page under the heading `## title`, up to the next heading of this level."""
     _, heading, rest = page.partition(f"## {title}\n")
     assert heading, f"there is no section {title}"
     return rest.partition("\n## ")[0]
 
 
 def rows(text: str, first: str = "") -> list[list[str]]:
-    """The cells of the only table whose head begins with `first`, without the head."""
+    """Returns the rows, without the head, of the only table in `text` whose head begins with `first`."""
     head = rf"^\| {re.escape(first)}.*\n\|---.*\n"
     (table,) = re.findall(rf"{head}((?:\|.*\n?)+)", text, re.MULTILINE)
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
 
 
 def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
-    """Writes the project's commands as programs into a new folder, which it returns.
+    """Writes the project's commands as programs into a new folder; returns the folder.
 
-    `before` has statements that some of the commands execute first, by the name of the command.
+    `before` maps the name of a command to Python statements that the command executes first.
     """
     folder.mkdir()
     for name, target in COMMANDS.items():
@@ -71,7 +71,10 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
 
 
 def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
-    """Runs blocks in one shell in a folder; returns the lines that each printed, and an empty rest."""
+    """Runs blocks in one shell in the folder `work`; returns the lines that each block prints.
+
+    An empty list follows those of the blocks.
+    """
     script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
     words = ("bash", "-euo", "pipefail", "-c", f"exec 2>&1\n{script}")
     code, out, _ = ended(words, cwd=work, env=environment, timeout=280)
@@ -80,7 +83,10 @@ def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[li
 
 
 def matches(shown: list[str], printed: list[str]) -> bool:
-    """Asserts that the shown lines are printed in this order; "..." stands for any lines, or any text."""
+    """Asserts that the `shown` lines are among the `printed` lines, in this order; returns True.
+
+    A line "..." stands for any lines, and "..." within a line for any text.
+    """
     rest = iter(printed)
     for line in shown:
         if line == "...":
@@ -91,7 +97,7 @@ def matches(shown: list[str], printed: list[str]) -> bool:
 
 
 def changed(block, changes):
-    """A block with words of its commands replaced, as `changes` says."""
+    """Returns a copy of a block; in its commands, each key of `changes` is replaced by its value."""
     lines = block.commands
     for old, new in changes.items():
         lines = [line.replace(old, new) for line in lines]
@@ -99,6 +105,6 @@ def changed(block, changes):
 
 
 def stated(job, **values):
-    """The command that sets values in a job file, also where the file has them as comments."""
+    """Returns a sed command that sets values in a job file, even if their lines there are comments."""
     edits = [f"s/^\\(# \\)\\?{key} = .*/{key} = {value}/" for key, value in values.items()]
     return f"sed -i '{'; '.join(edits)}' {job}"

@@ -27,7 +27,14 @@ def dxf(folder, draw, units=4):
 
 
 def svg(folder, body, size=MM, before=""):
-    """Writes an SVG file with a body, a page size and a text before the root; returns its path."""
+    """Writes an SVG file; returns its path.
+
+    Args:
+        folder: folder of the file.
+        body: elements of the drawing.
+        size: attributes of the root element that state the size of the page.
+        before: text before the root element.
+    """
     path = folder / "part.svg"
     path.write_text(f"{before}<svg {SVG} {size}>{body}</svg>")
     return path
@@ -38,7 +45,7 @@ def read(path, **options):
 
 
 def refused(path, match=None, error=InputError, **options):
-    """Asserts that a file is refused by an error of one line; returns the error."""
+    """Asserts that reading a drawing raises an error with a message of one line; returns the error."""
     with refused_in_a_line(error, match) as caught:
         read(path, **options)
     return caught.value
@@ -67,6 +74,6 @@ def box(space, low, high, **attributes):
 
 
 def arc(centre, radius, first, last, count):
-    """Points (count + 1, 2) of an arc, from one angle to another [rad]."""
+    """Returns points (count + 1, 2) on an arc from the angle `first` to the angle `last` [rad]."""
     angles = np.linspace(first, last, count + 1)
     return np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])

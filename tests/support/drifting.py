@@ -23,12 +23,12 @@ SEEN_SIGMA = (0.05, 0.05, 0.002)  # standard deviations of the camera's poses: m
 
 
 class Drift(NamedTuple):
-    """The drift of a cell.
+    """How a drifting cell differs from the planned one.
 
     Attributes:
-        friction: bounds of the friction between finger and part; None: as planned.
-        width_mm: added to every width.
-        seen_off: added to every pose that the camera measures: mm, mm, rad.
+        friction: least and greatest friction between finger and part; None: as planned.
+        width_mm: offset that is added to every width.
+        seen_off: offset that is added to every pose that the camera measures: mm, mm, rad.
     """
 
     friction: tuple[float, float] | None = None
@@ -40,7 +40,7 @@ HEALTHY = Drift()
 
 
 def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALTHY) -> Evaluation:
-    """Runs the table on `count` parts in the drifting cell."""
+    """Evaluates the table: sends `count` simulated parts through it, in a cell with this drift."""
     world_job = job
     if drift.friction is not None:
         low, high = drift.friction

@@ -31,15 +31,15 @@ squeezetree_decision decide(int32_t node, int32_t width_um, int32_t object_flag)
     return squeezetree_decide(node, width_um, object_flag);
 }
 """
-"""The executor alone, where a linker finds it."""
+"""C source that gives a linker the exported decision function, and nothing else."""
 
 Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 
 
 def wide_table() -> Table:
-    """A table of one squeeze with as many branches as a node may have, and a release after a drag.
+    """Returns a table of one squeeze that has as many branches as a node may have, and drags the part.
 
-    The first branch has width 0: the jaws hold no part that they could drag.
+    In the first branch the jaws hold nothing, so that nothing is dragged.
     """
     table = small_table()
     lows = [2_500 * k for k in range(MAX_BRANCHES)]
@@ -58,7 +58,7 @@ class Oracle:
         self._maps = [decision_map(node, table.gripper) for node in table.nodes]
 
     def answer(self, index: int, width_um: int, flag: int) -> Answer:
-        """The answer that follows a width and object flag at the node of an index; `FAULT` if they fault."""
+        """Returns what follows a width and object flag at node `index`; `FAULT` if the run would fail."""
         if not 0 <= index < len(self._maps):
             return FAULT
         node = self._table.nodes[index]
@@ -74,7 +74,7 @@ class Oracle:
 
 
 def rows_of(path: Path) -> list[tuple[int, ...]]:
-    """The test vectors of an export folder, as integers."""
+    """Returns the test vectors in an export folder: one tuple of integers for each row of the file."""
     with (path / VECTORS).open() as file:
         return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
 
@@ -110,14 +110,17 @@ def compilers() -> list[str]:
 
 
 def built(compiler: str, folder: Path, *flags: str) -> Path:
-    """Compiles the harness with the header of an export folder; returns the program."""
+    """Compiles the C test program `HARNESS` with the header in an export folder; returns the program."""
     program = folder / f"harness-{compiler}"
     said("-I", folder, HARNESS, *flags, "-o", program, program=compiler)
     return program
 
 
 def executor(compiler: str, folder: Path) -> Path:
-    """Compiles the executor alone, for size and without any library; returns the object file."""
+    """Compiles the exported decision function alone, optimised for size; returns the object file.
+
+    The compiler may use no library.
+    """
     source = folder / "executor.c"
     source.write_text(OBJECT)
     path = folder / f"executor-{compiler}.o"

@@ -35,7 +35,7 @@ class State(NamedTuple):
 
 
 class Call(NamedTuple):
-    """One call on a device."""
+    """One logged call of a method of a fake device."""
 
     device: str
     name: str
@@ -44,7 +44,7 @@ class Call(NamedTuple):
 
 @dataclass
 class Log:
-    """Every call in order; the call with number `fail_at` raises `error` instead of doing anything."""
+    """The calls of all fake devices, in order; the call with number `fail_at` only raises `error`."""
 
     fail_at: int = -1
     error: BaseException | None = None
@@ -110,7 +110,7 @@ class FakeGripper:
 
 
 class FakeArm:
-    """An arm that stands where it was sent, plus an offset."""
+    """An arm that stands where its last motion led, or `off_mm` beside that place along x."""
 
     def __init__(self, log: Log) -> None:
         self.log = log
@@ -159,7 +159,7 @@ class FakeJournal:
 
 
 class FakeClock:
-    """A clock that advances by `step_s` at each reading, and by the time of each sleep."""
+    """A clock that advances by `step_s` whenever the time is read, and by the length of each sleep."""
 
     time = step_s = 0.0
 
@@ -178,7 +178,7 @@ class FakeClock:
 
 
 class FakeScene:
-    """A scene that counts parts and always reports the truth that it was given."""
+    """A scene that counts the parts that are fed, and reports the same truth for each."""
 
     def __init__(self, truth: object) -> None:
         self.parts, self.known = 0, truth
@@ -195,7 +195,7 @@ class FakeScene:
 
 
 class FakeCell(NamedTuple):
-    """The fakes and the cell that consists of them."""
+    """A cell of fake devices, together with each of its fakes."""
 
     log: Log
     gripper: FakeGripper
@@ -207,7 +207,7 @@ class FakeCell(NamedTuple):
 def fake_cell(
     counts: list[tuple[int, int]], log: Log | None = None, journal: FakeJournal | None = None
 ) -> FakeCell:
-    """A fake cell whose successive closings stop at the given (count, object flag)."""
+    """Returns a fake cell; each closing of the jaws stops at the next (count, object flag) of `counts`."""
     log, journal = log or Log(), journal or FakeJournal()
     gripper, arm = FakeGripper(log, iter(counts)), FakeArm(log)
     return FakeCell(log, gripper, arm, journal, Cell(gripper, arm, FakeClock(), journal))

@@ -16,7 +16,7 @@ GEOMETRY = Geometry(
 
 
 class FakeWorld:
-    """A part that lines up with the fingers and is centred between them."""
+    """A world in which each squeeze aligns the part with the fingers and centres it, at a width of 21 mm."""
 
     width_mm = 21.0
 
@@ -28,7 +28,7 @@ class FakeWorld:
 
 
 def setting(world=None):
-    """A setting with a world; by default a `FakeWorld`."""
+    """Returns the setting of a simulated cell without a table; its world is by default a `FakeWorld`."""
     return Setting(None, GEOMETRY, "fake", lambda job, seed: world or FakeWorld())
 
 
@@ -44,7 +44,7 @@ def broken(job, seed):
 
 
 class Stumbling:
-    """A world whose first instance works, for the warm-up; squeezes of all later instances fail."""
+    """A world whose first instance works, since the cell warms up with it; squeezes in later ones fail."""
 
     instances = 0
 

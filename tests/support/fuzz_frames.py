@@ -1,9 +1,9 @@
 """Feeds arbitrary bytes to the gripper's line: to the simulated slave, or to the driver's masters.
 
 `case` takes bytes from a fuzzer: the first byte chooses the receiver, the second the size of the pieces into
-which the rest is cut. The receiver may answer or accept only what a sound frame in the bytes says; this
-module finds the sound frames by looking at every position. Otherwise the receiver must stay silent, or raise
-an error of the link.
+which the rest is cut. The receiver may answer or accept only what a sound frame among these bytes says;
+otherwise it must stay silent, or raise an error of the link. The module finds the sound frames by trying
+every position.
 """
 
 import contextlib
@@ -56,7 +56,7 @@ class FedStream:
 
 
 def case(data: bytes) -> None:
-    """Runs one case.
+    """Feeds the bytes of one case to the receiver that the first byte chooses.
 
     Raises:
         AssertionError: the receiver answered or accepted something that no sound frame says.
@@ -68,7 +68,10 @@ def case(data: bytes) -> None:
 
 
 def towards_slave(pieces: list[bytes]) -> None:
-    """Feeds the simulated gripper, and checks its answers; after a pause it must answer a sound request."""
+    """Feeds the pieces to the simulated gripper, and checks its answers.
+
+    Afterwards the gripper must answer a sound request.
+    """
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
     replies = [reply for piece in pieces for reply, *_ in slave.feed(piece)]
@@ -84,14 +87,14 @@ def towards_slave(pieces: list[bytes]) -> None:
 
 
 def towards_rtu_master(pieces: list[bytes]) -> None:
-    """Lets the driver read and write over RTU while it receives the pieces; checks what it accepts."""
+    """Feeds the pieces to the driver as answers over Modbus RTU; checks what the driver accepts."""
     said = b"".join(pieces)
     blocks = {frame[3:9] for frame in _frames(said, _reply_length) if frame[1:3] == b"\x03\x06"}
     _believes(_link(pieces, RtuFraming(), RTU), blocks)
 
 
 def towards_tcp_master(pieces: list[bytes]) -> None:
-    """Lets the driver read and write over Modbus TCP while it receives the pieces; checks what it accepts."""
+    """Feeds the pieces to the driver as answers over Modbus TCP; checks what the driver accepts."""
     said = b"".join(pieces)
     ends = range(len(said) - len(TCP_REPLY) + 1)
     replies = [said[at : at + len(TCP_REPLY)] for at in ends]
@@ -112,7 +115,10 @@ def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
 
 
 def _cut(data: bytes, size: int) -> list[bytes]:
-    """Cuts bytes into pieces as a port may deliver them; size 0: a single piece, if it is not too long."""
+    """Cuts bytes into pieces of `size` modulo 32 bytes, as a port may deliver them; 0: a single piece.
+
+    If that would give more than `MAX_PIECES` pieces, the pieces are longer.
+    """
     step = max(size % 32 or len(data), -(-len(data) // MAX_PIECES), 1)
     return [data[at : at + step] for at in range(0, len(data), step)]
 
@@ -122,7 +128,10 @@ def _reply_length(head: bytes) -> int | None:
 
 
 def _frames(data: bytes, length_of) -> list[bytes]:
-    """All frames within the bytes that are to or from slave 9 and have the right CRC."""
+    """Returns all frames of slave 9 with the right CRC that begin anywhere in the bytes.
+
+    `length_of` returns the length of the frame with which some bytes begin; 0 or None if there is none.
+    """
     results = []
     for at in range(len(data)):
         length = length_of(data[at:]) if data[at] == RTU.unit else 0

@@ -1,4 +1,4 @@
-"""Reads mutated tables, one for each number; `tools/hostile tables` runs many, the tests some.
+"""Mutates files of tables and reads them, a mutant for each number; `tools/hostile tables` tries many.
 
 A mutant is damaged at one of three depths: the bytes of the file; the payload, with a digest that fits again;
 or the values of the sections, packed again, so that only the validation can detect the damage. Every mutant
@@ -45,14 +45,17 @@ class Tally:
 
 @cache
 def seeds() -> tuple[bytes, ...]:
-    """The sound files that are mutated."""
+    """Returns the sound files of tables, from which the mutants are made."""
     drawn = (random_table(1, 8), random_table(2, 12), random_table(3, 40))
     tables = (small_table(), several_table(), every_field_table(), pushing_table(), *drawn)
     return tuple(map(dumps, tables))
 
 
 def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None) -> Tally:
-    """Judges the mutants of these numbers; `report` receives the tally after every 10 000."""
+    """Judges the mutants with these numbers; returns the tally.
+
+    `report` is called with the tally so far after every 10 000 mutants.
+    """
     tally = Tally()
     for number in numbers:
         depth, data = mutant(seed, number)
@@ -74,10 +77,11 @@ def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None
 
 
 def judge(depth: str, data: bytes) -> str:
-    """Reads a mutant; returns "refused", "unchanged" or "another table".
+    """Reads a mutant; returns "refused", "unchanged" (the mutation had no effect) or "another table".
 
     Raises:
-        AssertionError: the mutant was accepted, but is not the file that the table read from it has.
+        AssertionError: a damaged mutant is read as a table. A mutant counts as damaged if its depth is
+            "file", or if it differs from the file that its table is written to.
     """
     try:
         table = loads(data)
@@ -91,7 +95,7 @@ def judge(depth: str, data: bytes) -> str:
 
 
 def mutant(seed: int, number: int) -> tuple[str, bytes]:
-    """The depth of the damage and the bytes of the mutant of a seed and number."""
+    """Makes the mutant that a seed and a number determine; returns the depth of its damage, and its bytes."""
     random = Random(f"{seed} {number}")
     data = random.choice(seeds())
     depth = random.choices(("file", "payload", "values"), (2, 3, 5))[0]
@@ -162,9 +166,9 @@ def _other_column(column: list[Any], random: Random) -> list[Any]:
 
 @contextmanager
 def _limit(seconds: float) -> Iterator[None]:
-    """Raises TimeoutError if the body of the `with` takes more processor time.
+    """Raises TimeoutError if the body of the `with` takes more than `seconds` of processor time.
 
-    Elapsed time would depend on other work of the machine.
+    Unlike elapsed time, processor time does not depend on other work of the machine.
     """
 
     def expired(number: int, frame: FrameType | None) -> None:

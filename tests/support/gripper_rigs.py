@@ -82,11 +82,11 @@ class Robotiq(GripperRig):
         return f"{bus}://127.0.0.1:{open_port(self.slave, self.site)}"
 
     def commanded(self):
-        """Whether anything was ever written to it."""
+        """Whether anything was ever written to the gripper."""
         return self.commands() != bytes(16)
 
     def commands(self):
-        """What differs after a command."""
+        """Returns the gripper's output block, which differs after a command."""
         return bytes(self.model.read_output())
 
     def silence(self):
@@ -119,11 +119,11 @@ class Dh(GripperRig):
         self.name = f"dh://{self.path}"
 
     def commanded(self):
-        """Whether anything was ever written to it."""
+        """Whether anything was ever written to the gripper."""
         return self.commands() != 0
 
     def commands(self):
-        """What differs after a command."""
+        """Returns the number of registers written so far, which differs after a command."""
         return self.device.writes
 
 

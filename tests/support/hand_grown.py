@@ -11,12 +11,18 @@ PLACES = np.array([[-12.0, 0.0, 0.0], [0.0, 0.0, 0.0], [12.0, 0.0, 0.0]])
 
 
 def leaf(poses, counts, share, depth):
-    """A node without actions, of particles at poses (n, 3) whose last readings were counts (n,)."""
+    """Returns a node without actions, which the share `share` of all parts reaches.
+
+    Its particles lie at `poses` (n, 3); their last readings are `counts` (n,).
+    """
     return Node(Belief.of(poses, counts), share, Mode(poses[0], 1.0), depth)
 
 
 def squeezed(node, angle, groups):
-    """Gives a node one squeeze with a child for each (poses, counts) of `groups`, in order of width."""
+    """Gives a node one squeeze at an angle [rad], and returns the node.
+
+    The squeeze has a child for each (poses, counts) of `groups`, in order of width.
+    """
     total = sum(len(poses) for poses, _ in groups)
     children = [
         leaf(poses, counts, node.share * len(poses) / total, node.depth + 1)
@@ -29,9 +35,9 @@ def squeezed(node, angle, groups):
 
 
 def grown(silent=0):
-    """The root of a plan that distinguishes three places by two squeezes.
+    """Returns the root of a plan that distinguishes three places of a part by two squeezes.
 
-    Before these, `silent` squeezes read the same width for all places.
+    `silent` further squeezes come first; each reads the same width at all places.
     """
     node = root = leaf(np.repeat(PLACES, 100, axis=0), np.full(300, -1), 1.0, 0)
     for _ in range(silent):

@@ -12,7 +12,7 @@ from runtime.spc.history import History, NodeReading, Part
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Table, decision_map, load
 
-SHIFT_UM = 2000.0  # shift of widths, beyond the 1.1 mm of the job's doubts that branches include
+SHIFT_UM = 2000.0  # shift of widths; branches allow for the 1.1 mm that the job's doubts may cause
 LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches if fewer parts jam
 
 
@@ -39,7 +39,7 @@ def drawn(
         count: number of parts.
         rng: source of randomness.
         width_shift_um: added to each reading.
-        shares: other shares of branches, by node.
+        shares: shares of a node's branches that replace the predicted shares, by node.
         residual_shift: added to each residual [mm, mm, rad].
         fail_rate: share of located parts whose audit fails; None: as predicted.
         first: number of the first part.
@@ -79,18 +79,21 @@ def drawn(
 
 
 def history(tree: Table, *stretches: list[Part]) -> History:
-    """The history of several stretches of parts, one after the other, with consecutive numbers."""
+    """Joins several stretches of parts into one history, and numbers the parts consecutively."""
     parts = [part for stretch in stretches for part in stretch]
     return History(tree, tuple(replace(part, number=number) for number, part in enumerate(parts)))
 
 
 def watch(seen: History, expected: Expectation | None = None) -> list[Alarm]:
-    """All alarms of the control charts over a history."""
+    """Returns all alarms that the control charts raise over a history."""
     return list(Monitor(seen.table, expected).watch(seen))
 
 
 def expectation_document(tree: Table, digest: str, count: int = 4000) -> dict[str, object]:
-    """The document of `plan-expect` for two worlds: "as planned", and "less", in which fewer parts jam."""
+    """Returns a document as `plan-expect` writes it: the readings of `count` parts in each of two worlds.
+
+    In the world "as planned" parts behave as the table predicts; in the world "less" fewer parts jam.
+    """
     worlds = []
     for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):
         rows = [Counter() for _ in tree.nodes]

@@ -1,8 +1,8 @@
-"""Tries hostile devices (`hostile_devices`) at random calls or at each call of a run, in several processes.
+"""Tries the cases of `hostile_devices` in several processes: devices fail at random calls, or at each call.
 
-A case mostly waits for deadlines. Therefore many run at once, each worker process with a cell of its own. A
-run may be late because the machine is loaded: a case that is late but otherwise right is tried once more
-alone at the end, and fails only if it is late again.
+A case mostly waits for deadlines. Therefore many cases run at once, each worker process with a cell of its
+own. A loaded machine may make a run late. A case that is late but otherwise right is tried again alone at the
+end, and fails only if it is late again.
 """
 
 import contextlib
@@ -21,7 +21,9 @@ from relays import MODES, Case, Row
 
 NEVER = 1 << 40  # number of a row that no run reaches
 REPORTED = 100  # cases after which the summary is printed
-TRIES = 3  # most runs until one reaches the call of the case: runs differ by some polls
+TRIES = (
+    3  # most runs of a case until one reaches its call; the number of polls differs from run to run
+)
 
 
 def cases(count: int, seed: int, first: int = 0) -> Iterator[Case]:
@@ -34,10 +36,11 @@ def cases(count: int, seed: int, first: int = 0) -> Iterator[Case]:
 
 
 def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
-    """Yields a case for each call to each device in the run of a part, and each mode.
+    """Yields a case for each call to these devices in the run of one part, in each mode.
 
-    Runs without a fault count the calls. Of the repeated polls of a gripper only the first, the second and
-    the last are taken, unless `polls`. All calls to an arm are taken, since each belongs to another step.
+    Two runs without a fault count the calls. Where a gripper is polled repeatedly, only the first call and
+    the first and last cycle of polls are taken, unless `polls` is true. All calls to an arm are taken, since
+    each belongs to another step.
     """
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
         for device in devices:
@@ -50,7 +53,13 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
 
 
 def _counted(bench: Bench, device: str) -> list[Row]:
-    """The rows of calls to a device that two runs without a fault have in common."""
+    """Runs parts without a fault until two runs end well; returns the rows of calls that both have.
+
+    The calls are those to the device.
+
+    Raises:
+        RuntimeError: too many of the runs end badly.
+    """
     counted: list[list[Row]] = []
     for _ in range(2 + TRIES):
         end = bench.run(Case(device, "silent", NEVER))
@@ -68,7 +77,7 @@ class Summary:
 
     Attributes:
         failures: a sentence for each case that failed.
-        loaded: the cases that were late among others, but in time alone.
+        loaded: the cases that were late beside other cases, but in time when run alone.
     """
 
     def __init__(self) -> None:
@@ -78,7 +87,7 @@ class Summary:
         self._longest: dict[tuple[str, str], float] = {}
 
     def add(self, case: Case, end: End) -> None:
-        """Adds the end of a case."""
+        """Counts how a case ended, and notes the longest time of its device and mode."""
         key, name = case[:2], f"exit {end.code}" if end.reached else "not reached"
         self._ends.setdefault(key, Counter())[name] += 1
         self._longest[key] = max(self._longest.get(key, 0.0), end.took_s)
@@ -108,7 +117,7 @@ class Summary:
 
 
 def campaign(taken: Iterable[tuple[int, Case]], jobs: int) -> Summary:
-    """Tries numbered cases, `jobs` at once, and prints those that fail, in order."""
+    """Tries numbered cases, `jobs` at once; prints those that fail, in order, and returns the summary."""
     summary, late = Summary(), []
     numbered = list(taken)
     with tempfile.TemporaryDirectory() as folder:
@@ -141,7 +150,10 @@ def _count(summary: Summary, number: int, case: Case, end: End) -> None:
 
 
 def tried(bench: Bench, case: Case) -> End:
-    """Runs a case until a run reaches its call, at most `TRIES` times; returns the end of the last run."""
+    """Runs a case until a run reaches the case's call or goes wrong, at most `TRIES` times.
+
+    Returns how the last run ended.
+    """
     for _ in range(TRIES):
         end = bench.run(case)
         if end.reached or end.wrong:
@@ -150,7 +162,7 @@ def tried(bench: Bench, case: Case) -> End:
 
 
 class _Worker:
-    """A worker process with a cell of its own, which is closed when the process ends."""
+    """A worker process with its own cell; the cell is closed when the process ends."""
 
     bench: Bench
 

@@ -88,7 +88,7 @@ def odd(value: object, random: Random) -> object:
 
 
 def journal(data: bytes, random: Random) -> bytes:
-    """A journal with changed records and right digests, or damaged as text."""
+    """Changes one or two records of a journal and corrects the digests, or damages the journal's text."""
     if random.random() < 0.25:
         return text(data, random)
     entries = [json.loads(line) for line in data.splitlines()]
@@ -105,7 +105,7 @@ def journal(data: bytes, random: Random) -> bytes:
 
 
 def sealed(data: bytes, random: Random) -> bytes:
-    """A changed JSON document with its right digest, or the document damaged as text."""
+    """Changes a value of a JSON document and corrects the document's digest, or damages the text."""
     if random.random() < 0.3:
         return text(data, random)
     document = json.loads(data)
@@ -118,7 +118,7 @@ def sealed(data: bytes, random: Random) -> bytes:
 
 
 def values(data: bytes, random: Random) -> bytes:
-    """A changed JSON document, or the document damaged as text."""
+    """Changes a value of a JSON document, or damages the document's text."""
     if random.random() < 0.3:
         return text(data, random)
     return json.dumps(odd(json.loads(data), random)).encode()

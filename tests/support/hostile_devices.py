@@ -1,7 +1,7 @@
-"""Runs in which a device becomes silent, slow, dripping, endless, stopped or gone at a given call.
+"""Runs `grasp-runtime` in a simulated cell, one device of which begins to fail at a given call.
 
-A run (a process) reaches one device of its `grasp-cell` through a relay, which counts the calls of the run.
-From the given call on, the device behaves differently:
+The run reaches this device through a relay, which counts the calls of the run. From the given call on, the
+device is in one of these modes:
 
 - silent: it receives, and never answers
 - slow: each answer comes `SLOW_S` late
@@ -13,8 +13,8 @@ From the given call on, the device behaves differently:
 The run has to end `SPARE_S` after its deadline at the latest, with a documented exit code. Arm and fingers
 have to be at rest, and the arm up if its state was known. The journal has to contain the outcome of the part
 and the end of the run. `hostile_campaign` tries random cases, or every call of a run. The OmniCore controller
-is not part of the cell: its arm moves nothing there. Only a run that starts its cell uses scene and camera;
-for these `run_on_cell` makes a run use a running cell in place of one that it would start.
+is not part of the cell: its arm moves nothing there. Only a run that starts its own cell uses scene and
+camera. To test these two, `run_on_cell` lets such a run use a cell that is already running.
 """
 
 import contextlib
@@ -87,9 +87,10 @@ DEADLINES_S = {
 
 
 def deadline_s(case: Case) -> float:
-    """Time after the call of the case by which the run has to end [s].
+    """Returns the longest time that the run may take after the call of the case [s].
 
-    A slow device keeps the deadline of each call, but not that of a squeeze.
+    A slow device answers each call before the call's deadline, but delays a squeeze beyond the squeeze's
+    deadline.
     """
     if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]
@@ -107,8 +108,8 @@ class End(NamedTuple):
     Attributes:
         code: exit code, or "hangs".
         took_s: time from the change of the device to the end [s].
-        wrong: violations that the load of the machine does not excuse.
-        late: by how much the run was late, for people; empty if it ended in time.
+        wrong: a sentence for each violation, except for lateness, which the machine's load may cause.
+        late: a sentence if the run ended too late; empty if it ended in time.
         reached: whether the run reached the call of the case.
         rows: the calls to the device.
     """
@@ -134,14 +135,14 @@ class Bench:
 
     @cached_property
     def _omnicore(self) -> OmniCoreRig:
-        """An OmniCore controller, whose arm moves nothing in the cell."""
+        """A simulated OmniCore controller; its arm moves nothing in the cell."""
         rig = OmniCoreRig()
         self._closing.callback(rig.close)
         return rig
 
     @cached_property
     def _seen_cell(self) -> RunningCell:
-        """A cell with a camera and a world in which parts have true poses."""
+        """A cell with a camera; its world knows the true poses of parts."""
         more = ("--world", DEFAULT_WORLD, "--camera")
         return self._closing.enter_context(RunningCell(TABLE, *more, time_scale=SCALE))
 
@@ -163,7 +164,11 @@ class Bench:
 
     @contextlib.contextmanager
     def endpoints(self, case: Case) -> Iterator[tuple[dict[str, str], Hindrance]]:
-        """Yields the addresses of a cell's devices, the case's device behind a relay, and the hindrance."""
+        """Context with a relay in front of the case's device.
+
+        Yields the addresses of the cell's devices by name, and the hindrance. For the case's device, the
+        address is that of the relay. The hindrance counts the calls and changes the mode of the device.
+        """
         hindrance, device = Hindrance(case), case.device
         ends = dict(self._cell_of(case).endpoints)
         # Role of the device in a run: gripper, arm, scene or camera.
@@ -234,7 +239,10 @@ class Bench:
         return [*words, "--journal", str(journal), "--count", "1"]
 
     def _rest_faults(self, case: Case, said: str) -> Iterator[str]:
-        """Yields a sentence if arm or fingers move, and if the arm is not up although its state was known."""
+        """Yields a sentence if arm or fingers move, and if the arm is not up although its state was known.
+
+        Raises the arm and deactivates the gripper for the next run.
+        """
         ends = self._cell_of(case).endpoints
         with contextlib.closing(connect.gripper(ends["gripper"], time_scale=SCALE)) as gripper:
             if gripper.state().moving and "NOT KNOWN TO BE STOPPED" not in said:
@@ -257,9 +265,10 @@ def _place(url: str) -> tuple[str, int]:
 
 
 def _ur_relays(url: str, hindrance: Hindrance, device: str) -> tuple[list[Relay], str]:
-    """Relays of both ports of a UR controller, and the arm's address; only the device's port is hindered.
+    """Returns relays in front of both ports of a UR controller, and the address of the arm behind them.
 
-    The port for programs is two below that of RTDE.
+    Only the relay of the port that `device` names gets the hindrance. As at a controller, the number of the
+    port for programs is two below that of the port for RTDE.
     """
     host, port = _place(url)
     sound = Hindrance(None)

@@ -1,4 +1,4 @@
-"""Displaces the arm while it stands: above the tolerance, the part has to end in a fault.
+"""Displaces the arm while it stands: above the tolerance, a displacement has to end the part in a fault.
 
 Every part runs twice with the same seed. The first run is undisturbed and shows when the arm rests at the
 part. In the second run the arm is displaced at a random moment of one of these rests. Every tenth
@@ -25,7 +25,7 @@ from runtime.table import Table
 from runtime.traversal.results import PartResult
 
 READ = "3 "  # start of the instruction that reads the arm's pose
-# Rests that are not longer are left out: no jaws move in them. Least time from a reading to the displacement.
+# Rests up to SHORT_S are left out, since no jaws move in them. EDGE_S separates readings and displacements.
 SHORT_S, EDGE_S = 0.02, 0.005
 BELOW, ABOVE = 0.8, 1.2  # shares of the tolerance: poses are read to 0.01 mm and about 1 mrad
 MOST_MM, MOST_RAD = 12.0, math.pi
@@ -34,7 +34,7 @@ HANDLED = (RunOptions(), RunOptions(handling=Handling(regulated=True)))
 
 
 class Displacement(NamedTuple):
-    """A displacement of the hand and its moment."""
+    """A displacement of the hand, and the time at which it happens."""
 
     moment_s: float
     by: tuple[float, float, float, float]  # mm, mm, mm, rad
@@ -46,7 +46,7 @@ class Displacement(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The run of one part."""
+    """How one part was run: the result, the rests of the arm, and whether the arm was displaced."""
 
     result: PartResult
     rests: list[tuple[float, float]]  # start and end of each rest in which the jaws may move [s]
@@ -56,7 +56,7 @@ class Run(NamedTuple):
 def campaign(
     setting: Setting, table: Table, numbers: range, seed: int, report: Callable = print
 ) -> Counter[str]:
-    """Displaces the arm once in the part of each number; returns the number of parts by how they ended."""
+    """Displaces the arm once during each part of `numbers`; returns how many parts ended in each way."""
     ends: Counter[str] = Counter()
     for number in numbers:
         draw = random.Random(f"{seed}/{number}")
@@ -74,7 +74,7 @@ def campaign(
 def run_part(
     setting: Setting, table: Table, options: RunOptions, seed: int, case: Displacement | None
 ) -> Run:
-    """Runs the first part of a cell, with a displacement or undisturbed if `case` is None."""
+    """Runs the first part of a new cell, and displaces the arm meanwhile, unless `case` is None."""
     heard: list[tuple[float, str]] = []
     cell = VirtualCell(setting, seed, None, lambda text: heard.append((cell.clock.now(), text)))
     gripper = cell.gripper()
@@ -96,7 +96,10 @@ def run_part(
 
 
 def drawn(draw: random.Random, rests: list[tuple[float, float]], *, above: bool) -> Displacement:
-    """Draws a displacement within a rest: of the hand's position, its angle, or both."""
+    """Draws a displacement of the hand's position, its angle or both, at a time within one of the rests.
+
+    The rests are (start, end) [s]; `above` asks for a displacement above the tolerance.
+    """
     (start_s, end_s) = draw.choices(rests, [end - start for start, end in rests])[0]
     moment_s = draw.uniform(start_s + EDGE_S, end_s - EDGE_S)
     if not above:

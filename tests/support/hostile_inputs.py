@@ -58,7 +58,7 @@ CALIBRATE = ("runtime.cli", "calibrate")
 PARSERS = {
     RUNTIME: "runtime.commands.arguments",
     CALIBRATE: "runtime.commands.calibrate",
-}  # beside the others
+}  # modules of the parsers that are not in the module of their command
 LOOKS = (
     "show {j}",
     "show {j} --json --since 2026-01-01 --outcome leaf",
@@ -70,7 +70,7 @@ LOOKS = (
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of cases.
+    """A command, and the files from which its cases are made.
 
     Attributes:
         entry: module and function of the command.
@@ -97,7 +97,10 @@ class Case:
 
 
 def table(data: bytes, random: Random) -> bytes:
-    """A mutated table, mostly with a right digest, or a sound table with a changed job embedded."""
+    """Returns a mutated table, mostly with a right digest, or a sound table that embeds a changed job.
+
+    `data` is not used.
+    """
     if random.random() < 0.6:
         return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
     job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
@@ -106,7 +109,7 @@ def table(data: bytes, random: Random) -> bytes:
 
 @cache
 def job_text() -> bytes:
-    """The rectangle's job as tables carry it."""
+    """Returns the rectangle's job in the form in which tables embed it."""
     from planner.job import model as job
 
     return job.load(JOB).canonical().encode()
@@ -155,7 +158,7 @@ def kinds() -> tuple[Kind, ...]:
 
 
 def recorded() -> tuple[bytes, bytes]:
-    """A journal of two runs, and the table that it states for them: a small one with an embedded job."""
+    """Returns a journal of two runs, and the file of their table: the small table with a job embedded."""
     limits = load(TABLE).table.limits
     whole = dumps(with_job(replace(small_table(), limits=limits), job_text().decode()))
     with tempfile.TemporaryDirectory() as name:
@@ -169,7 +172,7 @@ def recorded() -> tuple[bytes, bytes]:
 
 
 def readings(whole: bytes) -> bytes:
-    """A document that `plan-expect` might write for a table, given as bytes."""
+    """Returns a document that `plan-expect` might write for the table with the file `whole`."""
     seen = [{"132": 20}, {"150": 9}]
     worlds = [{"name": name, "readings": seen} for name in ("as planned", "less")]
     record = {"kind": KIND, "version": VERSION, "worlds": worlds}
@@ -189,7 +192,7 @@ def lens() -> bytes:
 
 
 def lever() -> bytes:
-    """The drawing of the tutorial."""
+    """Returns the tutorial's drawing of a lever, a DXF file."""
     return (ROOT / "tools" / "docs" / "lever.dxf").read_bytes()
 
 
@@ -247,7 +250,7 @@ def gauged() -> bytes:
 
 
 def case(seed: int, number: int) -> Case:
-    """The case of a seed and number."""
+    """Returns the case that a seed and a number determine."""
     random = Random(f"inputs {seed} {number}")
     every = kinds()
     kind = random.choices(every, [kind.share for kind in every])[0]
@@ -257,10 +260,14 @@ def case(seed: int, number: int) -> Case:
 
 
 def judge(given: Case, as_process: bool = False) -> str:
-    """Runs a case in an empty folder.
+    """Runs a case in an empty folder, and checks the rules of this module.
+
+    Args:
+        given: the case.
+        as_process: whether the command runs as a process of its own, instead of as a call.
 
     Returns:
-        The command and its exit code.
+        The name of the command and its exit code, as a text.
 
     Raises:
         AssertionError: the command broke a rule of this module.
@@ -324,7 +331,7 @@ def run(seed: int, numbers: Iterable[int], tell=print, longest_s=LONGEST_S) -> C
         longest_s: longest time of a case [s].
 
     Returns:
-        Number of cases by how they ended; all that failed count as "FAILED".
+        The number of cases that ended in each way; all failed cases count as "FAILED".
     """
     ends: Counter[str] = Counter()
     kinds()  # cached before the worker is forked, so that no worker builds them again

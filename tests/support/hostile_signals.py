@@ -10,7 +10,7 @@ module. Then a second connection to the gripper and one to the arm check that
 - the exit code is that of the first cause: the stop, or the fault that came before it;
 - the journal verifies, ends with its last record, and a replay derives the same decisions.
 
-A run with `--port sim` has a cell of its own, which ends with it; only its journal is checked.
+A run with `--port sim` has a cell of its own, which ends together with the run: only the journal is checked.
 """
 
 import contextlib
@@ -56,9 +56,9 @@ class Case(NamedTuple):
     Attributes:
         kind: name of the kind in `KINDS`.
         numbers: the signals, one after the other.
-        delay_s: time from the notice of the kind to the first signal.
+        delay_s: time from the process's notice (see `Kind`) to the first signal.
         gap_s: time before each later signal.
-        pause_s: time for which the process is stopped (SIGSTOP) before the first signal; 0: it is not.
+        pause_s: time for which the process is stopped (SIGSTOP) before the first signal; 0: not stopped.
     """
 
     kind: str
@@ -165,7 +165,10 @@ class Bench:
             process.send_signal(number)
 
     def _moving(self, ended: Ended) -> Iterator[str]:
-        """Yields a sentence if the fingers move, or stand elsewhere than the process said when it ended."""
+        """Yields a sentence if the fingers move, or stand elsewhere than the process said when it ended.
+
+        Also yields one for an unknown state and one for a traceback in the output.
+        """
         first = self.gripper.state()
         time.sleep(STILL_S)
         last = self.gripper.state()
@@ -182,7 +185,7 @@ class Bench:
             yield "a traceback"
 
     def _low(self, ended: Ended) -> Iterator[str]:
-        """Yields a sentence if the arm is not up although the process said so; brings the arm up."""
+        """Raises the arm; yields a sentence if the arm was not up although the process said so."""
         with contextlib.closing(connect.arm(self.cell.endpoints["arm"], time_scale=SCALE)) as arm:
             x_mm, y_mm, z_mm, angle_rad = arm.pose()
             if z_mm < UP_MM:
@@ -213,9 +216,10 @@ def _stopped(ended: Ended) -> Iterator[str]:
 
 
 def _stopped_or_never_begun(ended: Ended) -> Iterator[str]:
-    """Checks a stop that may come before the process has installed its handlers of signals.
+    """Checks the end of a process that got signals while it started.
 
-    A signal then kills the process, and there must be no journal: nothing has moved.
+    Before the process has installed its handlers, a signal kills it. Nothing has moved then, and there must
+    be no journal.
     """
     if ended.code >= 0 and STARTING not in ended.err:
         yield from _stopped(ended)
@@ -254,7 +258,7 @@ def _journal(ended: Ended) -> Iterator[str]:
 
 
 class Kind(NamedTuple):
-    """A kind of cases.
+    """What the cases of one kind have in common.
 
     Attributes:
         weight: relative frequency of the kind.
@@ -287,7 +291,10 @@ KINDS = {
 
 @contextlib.contextmanager
 def usual_signals() -> Iterator[None]:
-    """Gives ignored signals, as by `nohup`, their default handlers; processes would inherit the former."""
+    """Context in which no signal of `SIGNALS` is ignored.
+
+    Under `nohup` a program ignores a signal, and the processes that it starts would ignore the signal, too.
+    """
     ignored = [number for number in SIGNALS if signal.getsignal(number) == signal.SIG_IGN]
     for number in ignored:
         signal.signal(number, signal.SIG_DFL)

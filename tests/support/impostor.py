@@ -6,7 +6,7 @@ import threading
 
 
 class Impostor:
-    """Sends a greeting, and the same bytes after each message; hangs up after `answers` answers."""
+    """Sends each client a greeting, then `answer` after each message; hangs up after `answers` messages."""
 
     def __init__(self, answer=b"", answers=1000, greeting=b""):
         self._answer, self._answers, self._greeting = answer, answers, greeting

@@ -1,4 +1,4 @@
-"""Slow, simple counterparts of the kernels of the learned model: all roll-outs for all poses, in numpy."""
+"""Computes in numpy, slowly and simply, what the kernels of the learned model compute."""
 
 import math
 
@@ -6,7 +6,10 @@ import numpy as np
 
 
 def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np.ndarray:
-    """Normalised differences (n, m, 3) of poses (n, 3) from others (m, 3), the angle wrapped."""
+    """Returns the differences (n, m, 3) of poses (n, 3) from others (m, 3) [mm].
+
+    The angle is wrapped, for a part with a symmetry of `order`, and multiplied by `rho`.
+    """
     difference = poses[:, None] - others[None]
     period = math.tau / order
     turn = difference[..., 2] - period * np.round(difference[..., 2] / period)
@@ -16,7 +19,10 @@ def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np
 def weights(
     poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: float
 ) -> np.ndarray:
-    """Weights (n, m) of m roll-outs for n poses by eq. 8, each row of sum 1; `h1` is the bandwidth [mm]."""
+    """Returns the weights (n, m) of m roll-outs for n poses by eq. 8; each row has the sum 1.
+
+    `initial` (m, 3) has the initial poses of the roll-outs, `h1` is the bandwidth [mm].
+    """
     square = (offsets(poses, initial, rho, order) ** 2).sum(axis=-1)
     log_weight = -0.5 * square / h1**2
     weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))

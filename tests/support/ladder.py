@@ -10,7 +10,7 @@ ELEMENT = re.compile(
 
 
 class Ladder:
-    """A diagram and its memory, whose variables are 0 at first; each call executes a cycle."""
+    """A ladder diagram and its variables, which are 0 at first; each call executes one cycle."""
 
     def __init__(self, text: str) -> None:
         lines = [line for line in text.splitlines() if line.startswith("|")]
@@ -19,7 +19,7 @@ class Ladder:
         self._memory: dict[str, int] = {}
 
     def __call__(self, **inputs: int) -> dict[str, int]:
-        """Sets the inputs, executes a cycle, and returns a copy of the memory."""
+        """Sets the inputs, executes a cycle, and returns a copy of all variables."""
         self._memory.update(inputs)
         for rung in self._rungs:
             power = True

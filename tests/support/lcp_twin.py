@@ -12,7 +12,7 @@ TOLERANCE = 1e-9
 
 
 def solve(M: np.ndarray, q: np.ndarray) -> tuple[int, np.ndarray]:
-    """Calls Lemke's method with fresh workspaces; returns the status and z (n,) for M (n, n) and q (n,)."""
+    """Solves the LCP of M (n, n) and q (n,) by the planner's own kernel; returns the status and z (n,)."""
     n = len(q)
     z = np.zeros(n)
     status = int(lemke(M, q, n, np.empty((n, 2 * n + 2)), np.empty(n, np.int64), z))
@@ -20,7 +20,10 @@ def solve(M: np.ndarray, q: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """All basic solutions z (k, n) of the LCP, by trying each subset of z; singular bases are left out."""
+    """Returns all basic solutions z (k, n) of the LCP: tries each subset of z as the basis.
+
+    Singular bases are left out.
+    """
     n = len(q)
     chosen = np.array(list(itertools.product([False, True], repeat=n)))  # (2^n, n)
     columns = np.where(chosen[:, None, :], -M, np.eye(n))  # w - M z = q
@@ -33,10 +36,10 @@ def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def motions(problem: ContactProblem) -> np.ndarray:
-    """All motions (k, 3) that satisfy eqs 1-5, one for each consistent mode of the contacts.
+    """Returns all motions (k, 3) of the part that satisfy eqs 1-5, one for each consistent mode.
 
-    Each of the m contacts separates, sticks, or slides in one of two directions: 4^m linear systems for the
-    2 m forces.
+    In a mode, each of the m contacts separates, sticks, or slides in one of two directions. Each of the 4^m
+    modes gives a linear system for the 2 m forces.
     """
     m = len(problem.gap)
     N, T = wrenches(problem)

@@ -4,7 +4,10 @@ from drivers.sim.virtual.clock import VirtualClock
 
 
 class Line:
-    """A stream with a scripted answer to each request: a list of (delay [s], bytes) or of errors to raise."""
+    """A stream that answers each request by the next list of `script`.
+
+    The items of a list are (delay [s], bytes) to receive, or errors to raise.
+    """
 
     endpoint = "a line"
 

@@ -1,4 +1,4 @@
-"""Functions for worker processes that tests start and kill; without kernels, they start at once."""
+"""Functions for worker processes that tests start and kill; without kernels the processes start at once."""
 
 import os
 import time
@@ -8,7 +8,10 @@ from runtime.shell.errors import InputError
 
 
 def logged(log: str, seconds: float, item: int) -> int:
-    """Returns the square of `item`; writes a line with the process's id to a file before and after."""
+    """Waits for some seconds and returns the square of `item`.
+
+    Before and after, it writes a line with the item and the id of the process to the file `log`.
+    """
     with Path(log).open("a") as file:
         file.write(f"{item} begun by {os.getpid()}\n")
     time.sleep(seconds)

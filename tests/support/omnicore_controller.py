@@ -31,7 +31,7 @@ NUMBERS = {"sq_speed": "20", "sq_turn": "10", "sq_request": "0", "sq_started": "
 
 
 class RefusedError(Exception):
-    """The controller answers a request with an error."""
+    """Raised where the controller refuses a request; `status` is that of its answer."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
         super().__init__(reason)
@@ -39,7 +39,7 @@ class RefusedError(Exception):
 
 
 class OmniCore:
-    """State of the controller; at first no program runs, and the pointer is at another main routine."""
+    """The controller's state and program; at first nothing runs, and the pointer is at another program."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.mode, self.motors = "AUTO", "motoron"
@@ -75,7 +75,7 @@ class OmniCore:
         self.running, self._ends_s = False, -1.0
 
     def read(self, path: str, now_s: float) -> list[dict[str, Any]]:
-        """The content of a resource.
+        """Returns the content of the resource at a path.
 
         Raises:
             RefusedError: there is no such resource.
@@ -108,7 +108,9 @@ class OmniCore:
         return [{"_type": kind, **fields}]
 
     def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
-        """Executes a request that changes something; `implicit`: it asks for mastership for itself.
+        """Executes a request that changes the resource at a path, or that starts an action.
+
+        An `implicit` request takes mastership while it is executed.
 
         Raises:
             RefusedError: the change is not allowed.
@@ -210,7 +212,10 @@ class RwsServer(LibraryServer):
         super().close()
 
     def silent(self) -> bool:
-        """Counts a request; if the server is mute, waits until it stops and returns True."""
+        """Counts a request; returns whether the server is mute, and must not answer the request.
+
+        A mute server returns only when it stops.
+        """
         self.requests += 1
         return self.mute and self._stopped.wait()
 

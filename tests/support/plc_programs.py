@@ -40,7 +40,10 @@ def free_port() -> int:
 
 
 def integer(register: Register, words: Sequence[int]) -> int:
-    """The value of a register's words: high word first, two's complement if the register is signed."""
+    """Returns the value of a register from its words, of which the high word comes first.
+
+    A signed register has two's complement.
+    """
     value = int("".join(f"{word:016b}" for word in words), 2)
     return value - 2**32 if register.type == "int32" and value >= 2**31 else value
 
@@ -48,7 +51,7 @@ def integer(register: Register, words: Sequence[int]) -> int:
 class MemoryPlc:
     """Reads and writes the registers of a station in memory, by name, at the time `now`.
 
-    A test ends the part under way by `end_part`.
+    No runtime locates the parts: a test ends the part under way by `end_part`.
     """
 
     def __init__(self, digests: Sequence[int] = (0x12345678,)) -> None:
@@ -81,7 +84,7 @@ class MemoryPlc:
 
 
 class TcpPlc(Closing):
-    """Reads and writes registers over Modbus TCP, by pymodbus' client and the map that the command prints."""
+    """Reads and writes registers by name over Modbus TCP, with the client of pymodbus."""
 
     def __init__(self, port: int, unit: int = 1) -> None:
         self.map = {entry["name"]: entry for entry in as_json()["registers"]}
@@ -133,9 +136,9 @@ class TcpPlc(Closing):
         self.write(enable=1)
 
     def begin(self, trigger_id: int) -> None:
-        """Triggers a part, and drops the trigger once it is acknowledged.
+        """Triggers a part, and drops the trigger once the runtime has acknowledged it.
 
-        If the machine is so busy that heartbeats were late, it enables and triggers again.
+        If the runtime refuses because heartbeats were late on a busy machine, enables and triggers again.
         """
         self.write(trigger_id=trigger_id, trigger=1)
         while not (self["acknowledge"] or self["busy"] or self["result_valid"]):
@@ -146,7 +149,7 @@ class TcpPlc(Closing):
         self.write(trigger=0)
 
     def result(self, trigger_id: int) -> dict[str, int]:
-        """Waits for the result with this id, takes it, and ends the handshake; returns its fields by name."""
+        """Waits for the result with this id, and ends the handshake; returns the result's fields by name."""
         self.wait("result_valid", 1)
         assert self["result_id"] == trigger_id
         names = ("outcome", "x", "y", "angle", "exit_code", "error_id")
@@ -167,7 +170,7 @@ class TcpPlc(Closing):
 
 
 class LibmodbusPlc(TcpPlc):
-    """The same by libmodbus, which must be installed."""
+    """Reads and writes registers by name over Modbus TCP, with libmodbus, which must be installed."""
 
     def __init__(self, port: int) -> None:
         super().__init__(port)
@@ -197,7 +200,7 @@ class LibmodbusPlc(TcpPlc):
 
 
 class StructuredPlc:
-    """The documented structured text; each cycle makes two exchanges by the client of a `TcpPlc`."""
+    """Executes the client tools/docs/clients/plc.st; a cycle reads and writes once, by way of a `TcpPlc`."""
 
     def __init__(self, plc: TcpPlc) -> None:
         self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())
@@ -226,12 +229,12 @@ class StructuredPlc:
 
 
 def by_pymodbus(port: int, parts: int) -> list[dict[str, int]]:
-    """The results of parts 1 to `parts`, by pymodbus' client."""
+    """Locates the parts 1 to `parts` with the client of pymodbus; returns their results."""
     return _by_client(TcpPlc(port, unit=17), parts)
 
 
 def by_libmodbus(port: int, parts: int) -> list[dict[str, int]]:
-    """The results of parts 1 to `parts`, by libmodbus."""
+    """Locates the parts 1 to `parts` with libmodbus; returns their results."""
     return _by_client(LibmodbusPlc(port), parts)
 
 
@@ -242,14 +245,14 @@ def _by_client(client: TcpPlc, parts: int) -> list[dict[str, int]]:
 
 
 def in_structured_text(port: int, parts: int) -> list[dict[str, int]]:
-    """The results of parts 1 to `parts`, by the documented structured text."""
+    """Locates the parts 1 to `parts` with tools/docs/clients/plc.st; returns their results."""
     with TcpPlc(port, unit=17) as plc:
         program = StructuredPlc(plc)
         return [program.part(number) for number in range(1, parts + 1)]
 
 
 class PlcServed(ServedRun):
-    """`grasp-runtime --plc` as a process that answers at `port`."""
+    """A process of `grasp-runtime --plc`, which listens at the TCP port `port`."""
 
     def __init__(
         self,

@@ -1,9 +1,9 @@
-"""Simulates handshakes in virtual time over exchanges that are dropped, doubled, late or reordered.
+"""Simulates handshakes of a PLC in virtual time; exchanges are dropped, doubled, late or reordered.
 
 The PLC writes and reads without waiting for answers. As on one connection of Modbus TCP, writes are executed
-in the order in which they were sent. The transaction number reveals an answer that is older than one already
-read; it is discarded. Now and then the connection breaks, the PLC stands still, loses its power, triggers
-twice, or leaves its acknowledge up.
+in the order in which they were sent. An answer is discarded if, by its transaction number, it is older than
+an answer that was read before. Now and then the connection breaks, the PLC stands still, loses its power,
+triggers twice, or leaves its acknowledge up.
 """
 
 from collections import Counter, deque
@@ -24,7 +24,7 @@ _LENGTH = READ[-1].address + READ[-1].words - READ_AT
 
 @dataclass(frozen=True)
 class Faults:
-    """Probabilities of faults in a cycle."""
+    """Probabilities of faults: the first three per exchange, `lazy` per part, the others per cycle."""
 
     dropped: float = 0.1
     doubled: float = 0.1
@@ -38,7 +38,7 @@ class Faults:
 
 @dataclass
 class Program:
-    """The program of the PLC: tools/docs/clients/plc.st in Python, started again after each part."""
+    """The program of the PLC: tools/docs/clients/plc.st in Python, which triggers part after part."""
 
     lazy: bool = False
     state: int = 0
@@ -159,7 +159,7 @@ class Study:
             self._writes.extend([image] * (1 + self._hits("doubled")))
 
     def _execute(self) -> None:
-        """Executes writes in their order; some stay for a later cycle."""
+        """Executes the PLC's writes in their order; late ones are left for a later cycle."""
         while self._writes and (len(self._writes) > MOST_UNDER_WAY or not self._hits("late")):
             assert self.station.write(WRITTEN_AT, self._writes.popleft(), self._now) is None
 
@@ -173,7 +173,7 @@ class Study:
             self.station.finish(Answer(1, x=x))
 
     def _read(self) -> None:
-        """Requests the registers, and takes the answers that arrive, unless a newer one was taken before."""
+        """Requests the registers, and takes each answer that arrives, unless a newer one was taken before."""
         words = self.station.read(READ_AT, _LENGTH, self._now)
         assert isinstance(words, list)
         self._number += 1

@@ -26,55 +26,58 @@ LONG_JAWS = JAWS._replace(length_mm=400.0)
 
 
 def rectangle() -> np.ndarray:
-    """The paper's 30 x 21 mm: it jams on its diagonals, and its flush grasps have four contacts."""
+    """The paper's rectangle, 30 x 21 mm: it can jam on a diagonal, and a flush grasp has four contacts."""
     return canonical([[0, 0], [30, 0], [30, 21], [0, 21]]).outline_mm
 
 
 def butterfly() -> np.ndarray:
-    """Two lobes, 36 x 22 mm, about a waist of 12.7 mm: concave, and dense enough for many near contacts."""
+    """Two lobes, 36 x 22 mm, about a waist of 12.7 mm: concave, with many vertices near each contact."""
     t = np.arange(96) * math.tau / 96
     y = np.sin(t) * (6.35 + 18.3 * np.cos(t) ** 2)
     return canonical(np.column_stack([18 * np.cos(t), y])).outline_mm
 
 
 def right_triangle() -> np.ndarray:
-    """Legs of 36 and 26 mm: no symmetry, and faces that lie opposite a single vertex."""
+    """A triangle with legs of 36 and 26 mm: it has no symmetry, and its faces lie opposite a vertex."""
     return canonical([[0, 0], [36, 0], [0, 26]]).outline_mm
 
 
 def hexagon() -> np.ndarray:
-    """Regular, 28 mm across corners: three pairs of parallel faces, so every grasp is flush."""
+    """A regular hexagon, 28 mm across corners: its faces are parallel in pairs, so that grasps are flush."""
     return regular_polygon(6, 14.0)
 
 
 def ellipse() -> np.ndarray:
-    """36 x 22 mm in 72 vertices: smooth, so that contacts roll from vertex to vertex without end."""
+    """An ellipse, 36 x 22 mm in 72 vertices: contacts move on from vertex to vertex without end."""
     t = np.arange(72) * math.tau / 72
     return canonical(np.column_stack([18 * np.cos(t), 11 * np.sin(t)])).outline_mm
 
 
 def l_shape() -> np.ndarray:
-    """32 x 26 mm with arms of 12 mm: a finger's corner can enter the notch."""
+    """An L, 32 x 26 mm with arms of 12 mm: a finger's corner can enter the notch."""
     return canonical([[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]).outline_mm
 
 
 def bar() -> np.ndarray:
-    """60 x 12 mm: longer than the fingers, and held by nothing but their corners."""
+    """A bar, 60 x 12 mm: longer than the fingers, which hold it by nothing but their corners."""
     return canonical([[0, 0], [60, 0], [60, 12], [0, 12]]).outline_mm
 
 
 def disc() -> np.ndarray:
-    """Radius 13 mm in 90 vertices: its width says nothing of its angle, its edges are nearly parallel."""
+    """A disc of radius 13 mm in 90 vertices: its width does not depend on its angle.
+
+    Neighbouring edges are nearly parallel.
+    """
     return regular_polygon(90, 13.0)
 
 
 def sliver() -> np.ndarray:
-    """30 x 0.15 mm: thinner than one step of the fingers, and longer than they are."""
+    """A sliver, 30 x 0.15 mm: thinner than one step of the closing fingers, and longer than the fingers."""
     return canonical([[0, 0], [30, 0], [30, 0.15], [0, 0.15]]).outline_mm
 
 
 def regular_polygon(vertices: int, radius: float) -> np.ndarray:
-    """Regular polygon with a vertex on the x axis."""
+    """A regular polygon with a vertex on the x axis; `radius` is that of its corners [mm]."""
     t = np.arange(vertices) * math.tau / vertices
     return canonical(radius * np.column_stack([np.cos(t), np.sin(t)])).outline_mm
 
@@ -106,7 +109,7 @@ def random_star(
 
 
 def random_convex(rng: np.random.Generator, vertices: int) -> np.ndarray:
-    """Polygon inscribed in a random ellipse, of semi-axes 10 to 20 mm: convex, with no two faces parallel."""
+    """A random convex polygon without parallel faces, inscribed in an ellipse of semi-axes 10 to 20 mm."""
     while True:
         angles = np.sort(rng.uniform(0, math.tau, vertices))
         gaps = np.diff(angles, append=angles[0] + math.tau)
@@ -124,7 +127,10 @@ def random_poses(rng: np.random.Generator, n: int, radius: float) -> np.ndarray:
 
 
 def boundary_surface(outline: np.ndarray) -> LimitSurface:
-    """The ellipsoid of pressure spread evenly along the outline, as the paper assumes."""
+    """Returns the limit surface of a part whose pressure is spread evenly along its outline: an ellipsoid.
+
+    The paper assumes this pressure.
+    """
     points, weights = support(Pressure("boundary", 100), outline)
     return fit_ellipsoid(points, weights, radius_of_gyration(outline))
 
@@ -136,7 +142,7 @@ def simulator(
     workers: int = 1,
     surface: LimitSurface | None = None,
 ) -> Simulator:
-    """A simulator of a part, by default with pressure spread evenly along the outline."""
+    """Returns a simulator of a part; by default, the part's pressure is spread evenly along its outline."""
     return Simulator(
         outline=outline,
         surface=surface or boundary_surface(outline),
@@ -151,7 +157,10 @@ def simulator(
 def rolled(
     outline: np.ndarray, n: int, radius: float, seed: int, surface: LimitSurface | None = None
 ) -> RollOut:
-    """Squeezes parts at n random poses about the hand, without those that an open finger would stand on."""
+    """Squeezes a part at each of n random poses about the hand; returns the roll-out.
+
+    Poses are left out if an open finger would stand on the part.
+    """
     part, rng = simulator(outline, workers=2, surface=surface), np.random.default_rng(seed)
     poses = random_poses(rng, n, radius)
     poses = poses[classify_contact(part.outline, part.jaws, poses) != STANDS_ON]
@@ -176,7 +185,14 @@ def finger_box(finger: int, face: float) -> shapely.Polygon:
 
 
 def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
-    """Greatest depth of a vertex of the part in the finger, or of a finger's corner in the part [mm]."""
+    """Returns how deep a part overlaps a finger [mm].
+
+    This is the greatest depth of a vertex of the part in the finger, or of a finger's corner in the part.
+
+    Args:
+        points: vertices of the part.
+        box: outline of the finger.
+    """
     part, depths = shapely.Polygon(points), [0.0]
     for shape, inner in ((box, points), (part, shapely.get_coordinates(box)[:4])):
         inside = shapely.points(inner[shapely.contains_xy(shape, inner[:, 0], inner[:, 1])])
@@ -185,7 +201,7 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
 
 
 def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float) -> float:
-    """Deepest overlap of a part with either finger of jaws that are `width` apart [mm]."""
+    """Returns the depth of the deepest overlap of a part with the fingers of jaws `width` apart [mm]."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2)) for f in (1, -1))
 

@@ -24,10 +24,10 @@ T = TypeVar("T")
 
 
 def until(holds: Callable[[], T], what: object = "", pause_s: float = 0.01) -> T:
-    """Waits until a condition returns a true value, and returns it.
+    """Calls `holds` again and again until it returns a true value; returns this value.
 
     Raises:
-        AssertionError: there was none within `WAIT_S`; the message names `what`.
+        AssertionError: `holds` returned no true value within `WAIT_S`; the message names `what`.
     """
     end = time.monotonic() + WAIT_S
     while not (result := holds()):
@@ -97,7 +97,7 @@ def started(words: Iterable[object], **options: Any) -> "subprocess.Popen[str]":
 
 
 def ended(words: Iterable[object], **options: Any) -> Ended:
-    """Runs a process until it ends, `WAIT_S` at most; takes options of `subprocess.run`."""
+    """Runs a process, `WAIT_S` at most, and returns how it ended; takes options of `subprocess.run`."""
     usual = {"cwd": ROOT, "text": True, "capture_output": True, "timeout": WAIT_S, "check": False}
     done = subprocess.run([str(word) for word in words], **(usual | options))
     return Ended(done.returncode, done.stdout, done.stderr)

@@ -22,7 +22,10 @@ OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg", "status"]
 
 
 def run(folder, text, *options, job=JOB):
-    """Pushes along the paths of `text`; returns exit code, rows of the result, output and error output."""
+    """Runs `plan-simulate --push` with the pushes in the CSV text `text`.
+
+    Returns the exit code, the rows of the result, standard output and standard error.
+    """
     (folder / "job.toml").write_text(job)
     (folder / "in.csv").write_text(text)
     result = folder / "out.csv"

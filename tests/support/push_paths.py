@@ -8,7 +8,10 @@ from planner.mechanics.push import Paths
 
 
 def paths(points, centre=(0.0, 0.0), angle=0.0, shift=(0.0, 0.0)):
-    """One path of a pusher with points (K, 2)."""
+    """Returns `Paths` of one path: a pusher with points (K, 2) turns by an angle about a moving centre.
+
+    The angle is in rad; `shift` is the displacement of the centre.
+    """
     return Paths(*(np.array([each], float) for each in (points, centre, angle, shift)))
 
 
@@ -17,7 +20,10 @@ def joined(many):
 
 
 def random_paths(outline, rng, count):
-    """Paths of two points that touch a random edge, and turn about a random centre or move straight."""
+    """Draws `count` paths of a pusher with two points.
+
+    The points start at a random edge of the outline, and turn about a random centre or move straight.
+    """
     result = []
     while len(result) < count:
         k = rng.integers(len(outline))

@@ -1,4 +1,4 @@
-"""Computes the same pushes by hand in several variants, whose results should agree.
+"""Simulates pushes by the robot's hand, each in several variants that should end alike.
 
 Each variant pushes the same parts with the same mechanics along the same way.
 """
@@ -19,12 +19,12 @@ from planner.part.outline import reach
 WAY_MM, FIRST_MM = 40.0, 25.0
 CLOSE_MM, CLOSE_RAD = 0.5, 0.02
 ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1
-"""Largest share of pushes that may end elsewhere, the same for other steps, and largest overlap."""
+"""Limits: share of pushes that end elsewhere, this share for variants with another step, and overlap."""
 OPENINGS = (0.0, 1.0, 12.0, 21.25, 42.5)  # openings of the jaws [mm]
 
 
 def of_tree(name: str) -> np.ndarray:
-    """The outline of a job in `trees/`."""
+    """Returns the outline of the part whose job is in the folder `name` of `trees/`."""
     return np.asarray(Simulator.of_job(job_file.load(TREES / name / "job.toml"), 1).outline)
 
 
@@ -35,7 +35,7 @@ SHAPES |= {name: partial(of_tree, name) for name in OF_TREES}
 
 
 def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random poses (n, 3) of parts in front of a hand, in the hand's frame, and openings (n,) of the jaws."""
+    """Draws poses (n, 3) of parts in front of a hand, in the hand's frame, and openings (n,) of the jaws."""
     rng = np.random.default_rng(seed)
     ahead = JAWS.length_mm / 2 + reach(outline) + rng.uniform(0.1, 8.0, n)
     poses = np.column_stack([ahead, rng.uniform(-15.0, 15.0, n), rng.uniform(-np.pi, np.pi, n)])
@@ -45,7 +45,10 @@ def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.nd
 def pushed(
     part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int
 ) -> np.ndarray:
-    """Final poses (n, 3) of parts that a hand pushes, with mechanics that the seed determines."""
+    """Pushes parts by a hand that moves by `way_mm`; returns their final poses (n, 3).
+
+    The seed determines the mechanics of the parts, such as friction.
+    """
     ways, rng = np.full(len(poses), way_mm), np.random.default_rng(seed)
     return part.push_by_hand(poses, opening, ways, rng)
 
@@ -58,7 +61,7 @@ def divided(outline: np.ndarray) -> np.ndarray:
 
 
 def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> np.ndarray:
-    """Final poses (n, 3) after the same way in two pushes."""
+    """Pushes parts along the whole way in two pushes instead of one; returns their final poses (n, 3)."""
     there = np.array([FIRST_MM, 0.0, 0.0])
     halfway = pushed(part, poses, opening, FIRST_MM, seed) - there
     return pushed(part, halfway, opening, WAY_MM - FIRST_MM, seed) + there
@@ -67,7 +70,7 @@ def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -
 def variants(
     part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int
 ) -> dict[str, np.ndarray]:
-    """Final poses (n, 3) of the parts by the name of the variant; "as it is" is the reference."""
+    """Returns the final poses (n, 3) of the parts in each variant, by name; "as it is" is the reference."""
 
     def whole(ours: Simulator, start: np.ndarray = poses) -> np.ndarray:
         return pushed(ours, start, opening, WAY_MM, seed)
@@ -84,7 +87,7 @@ def variants(
 
 
 def differ(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Mask (n,) of poses that differ by more than `CLOSE_MM` or `CLOSE_RAD`."""
+    """Returns a mask (n,): which poses differ from the others by more than `CLOSE_MM` or `CLOSE_RAD`."""
     off = others - ends
     turned = np.abs(np.remainder(off[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
     return (np.hypot(off[:, 0], off[:, 1]) > CLOSE_MM) | (turned > CLOSE_RAD)
@@ -105,7 +108,10 @@ def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.n
 
 
 def studied(outline: np.ndarray, n: int, seed: int) -> dict[str, float]:
-    """Share of n pushes that end elsewhere, by variant, and the largest overlap [mm^2]."""
+    """Returns by variant the share of n pushes that end elsewhere than in the reference.
+
+    "overlap_mm2" is the largest area in which part and fingers overlap after a push of the reference.
+    """
     part = simulator(outline)
     poses, opening = scattered(outline, n, seed)
     ends = variants(part, poses, opening, seed)

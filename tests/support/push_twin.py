@@ -1,8 +1,9 @@
 """A second push simulator: slow, simple, and independent of the kernels.
 
-It solves an ordinary differential equation in the share of the path, as `twin` does: at every pose shapely
-finds where the pusher's points or round tips are about to touch, and the velocity is that of a consistent
-mode of contact. Meant for convex polygons of few vertices. Shares no code with `planner.mechanics`.
+It integrates the part's velocity over the share of the path that is done. At every pose shapely finds where
+the pusher's points, or its round tips, touch the part or nearly do. The velocity is that of a consistent mode
+of these contacts, as in `twin`. It is meant for convex polygons of few vertices, and shares no code with
+`planner.mechanics`.
 """
 
 import math
@@ -14,7 +15,7 @@ from scipy.integrate import solve_ivp
 from twin import Part, rate
 
 CLOSING = 0.004
-"""Share of the path over which an open contact closes: the twin is that soft."""
+"""Share of the path over which a gap closes, so that the velocity does not jump at a touch."""
 NEAR_MM = 0.02
 
 
@@ -26,7 +27,16 @@ def push(
     shift: np.ndarray,
     radius: float = 0.0,
 ) -> np.ndarray:
-    """Final pose (3,) of a part that starts at (0, 0, 0) and is pushed by points (K, 2) along a path."""
+    """Pushes a part that lies at (0, 0, 0); returns its final pose (3,).
+
+    Args:
+        part: the part; its jaws are not used.
+        fingers: (K, 2) points of the pusher at the start of the path [mm].
+        centre: (2,) point about which the pusher turns [mm].
+        angle: turn along the whole path [rad].
+        shift: (2,) displacement of the centre along the whole path [mm].
+        radius: radius of the round tips at the points [mm].
+    """
 
     def velocity(share: float, q: np.ndarray) -> np.ndarray:
         c, s = math.cos(share * angle), math.sin(share * angle)
@@ -46,7 +56,10 @@ def push(
 
 
 def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:
-    """Gap, nearest boundary point and inward normal, for a point that is near the part or in it."""
+    """Returns gap, nearest point of the boundary and inward normal for a pusher's point, as five numbers.
+
+    Returns None if the point is not near the part.
+    """
     boundary, here = part.exterior, shapely.Point(point)
     touched = np.array(boundary.interpolate(boundary.project(here)).coords[0])
     outside = -1.0 if part.contains(here) else 1.0

@@ -13,13 +13,16 @@ CERTAIN = ("chance = 0.8", "chance = 0.0")
 
 
 def edited(old: str, new: str) -> str:
-    """The job's text with one passage replaced."""
+    """Returns the text of the rectangle's job, with the passage `old` replaced by `new`."""
     assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
     return TEXT.replace(old, new)
 
 
 def quick_job(path: Path, search: str, *change: str) -> Path:
-    """Writes the job with the lines `search` in a section [search] and at most one passage replaced."""
+    """Writes the rectangle's job to `path` with a section [search] of the lines `search`; returns the path.
+
+    `change`, if given, is a passage of the job and its replacement.
+    """
     text = edited(*change) if change else TEXT
     path.write_text(f"{text}\n[search]\n{search}\n", encoding="utf-8")
     return path

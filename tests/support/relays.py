@@ -1,4 +1,4 @@
-"""Relays between a run and its devices, which count calls, and change the answers from one call on."""
+"""Relays between a run and its devices: they count the calls, and change the answers from one call on."""
 
 import contextlib
 import os
@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
 SLOW_S, DRIP_S = 0.2, 0.1
-# Bytes of an endless device. More than 64 kB in 5 ms would occupy two cores, by relay and run.
+# Bytes that an endless device sends, and the time until it sends them again. More bytes would keep two cores
+# busy, one with the relay and one with the run.
 FLOOD, FLOOD_S = os.urandom(1 << 16), 0.005
 
 
@@ -42,13 +43,13 @@ class Row(NamedTuple):
     cycle: int
 
     def polls(self) -> list[int]:
-        """Numbers of the calls in the row that are the first, in the first cycle or in the last cycle."""
+        """Returns the numbers of the first call and of the calls in the first and last cycle, from 0."""
         ends = (*range(1 + self.cycle), *range(self.calls - self.cycle, self.calls))
         return sorted({poll for poll in ends if 0 <= poll < self.calls})
 
 
 class Rows:
-    """Groups calls into rows: a call that does not continue the cycle of polls before it begins a new row.
+    """Groups calls into rows: a call that does not continue the current cycle of polls begins a new row.
 
     Attributes:
         rows: all rows; the last one still grows.
@@ -81,7 +82,7 @@ class Rows:
 
 
 class Hindrance:
-    """Counts calls; from the call of the case on, the mode of the case holds."""
+    """Counts the calls to a device; from the case's call on, the device is in the case's mode."""
 
     def __init__(self, case: Case | None) -> None:
         self.case = case
@@ -94,7 +95,7 @@ class Hindrance:
         return self._calls.rows
 
     def heard(self, data: bytes) -> str:
-        """Counts a call; returns the mode that holds now, empty for none."""
+        """Counts a call with the request `data`; returns the device's mode now, "" before the case's call."""
         # Without the transaction number of Modbus TCP, in which equal requests differ.
         self._calls.add(data[2:] if data[2:4] == b"\0\0" else data)
         at = (len(self.rows) - 1, self.rows[-1].calls - 1)
@@ -106,7 +107,7 @@ class Hindrance:
 
     @property
     def mode(self) -> str:
-        """The mode that holds now, empty for none."""
+        """The device's mode now, "" before the call of the case."""
         return "" if self.began_s is None or self.case is None else self.case.mode
 
 
@@ -155,7 +156,7 @@ class Relay:
                 self._answer(run, data, mode)
 
     def _flood(self, run: int) -> None:
-        """Sends as many bytes as the run accepts without waiting."""
+        """Sends the run as many bytes as it accepts at once."""
         os.set_blocking(run, False)
         with contextlib.suppress(BlockingIOError):
             os.write(run, FLOOD)

@@ -9,9 +9,10 @@ STAMP = "2026-01-02T03:04:05.000Z"
 
 
 def chained(entries, stamp=STAMP):
-    """The lines of a journal with these entries, chained by digests, as bytes.
+    """Returns the bytes of a journal with these entries, chained by digests.
 
-    An entry keeps a time of its own, and a sequence number that is not an integer.
+    An entry without a time gets `stamp`. All entries are numbered anew; only a number that is no integer is
+    kept.
     """
     previous, lines = GENESIS, []
     for number, entry in enumerate(entries):
@@ -25,7 +26,7 @@ def chained(entries, stamp=STAMP):
 
 
 def header(table):
-    """The first record of a run with a table, given as bytes."""
+    """Returns the first record of a run; `table` is the file of its table, as bytes."""
     return {
         "kind": "header",
         "table_sha256": hashlib.sha256(table).hexdigest(),

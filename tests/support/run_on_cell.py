@@ -1,4 +1,7 @@
-"""`grasp-runtime --port sim` on a running cell, whose endpoints are a JSON object in the variable `CELL`."""
+"""Runs `grasp-runtime --port sim` on a cell that is already running.
+
+The environment variable `CELL` has the addresses of the cell's devices, as a JSON object.
+"""
 
 import json
 import os
@@ -11,7 +14,7 @@ from runtime.devices.cell_process import Endpoints
 
 
 class RunningProcess:
-    """Stands for the cell process that the run would start."""
+    """Replaces the process of a new cell, which the run would start, by the running cell."""
 
     def __init__(self, *_: Any, **__: Any) -> None:
         endpoints = json.loads(os.environ["CELL"])

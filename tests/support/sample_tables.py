@@ -71,7 +71,10 @@ def two_squeeze_table() -> Table:
 
 
 def table_for(model: str) -> Table:
-    """The small table for a gripper model, which opens fully and presses with 40 N or its least force."""
+    """Returns the small table for a gripper model.
+
+    The gripper opens fully, and presses with 40 N or, if that is more, with its least force.
+    """
     table, profile = small_table(), profile_of(model)
     force_mn = round(1000 * max(40.0, profile.force_n[0]))
     squeezes = (node.squeeze for node in table.nodes)
@@ -88,7 +91,10 @@ OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
 
 
 def several_table() -> Table:
-    """The small table for two parts: leaves 0 and 1 each state one of them, leaf 2 leaves both open."""
+    """Returns the small table for two hypotheses: leaf 0 states the first, leaf 1 the second.
+
+    Leaf 2 is not resolved: it states both as possible.
+    """
     one, two, unresolved = small_table().leaves
     unresolved = unresolved._replace(alternatives=(LeafPose(400, 0, -643_000),), hypothesis=1)
     leaves = (one, two._replace(hypothesis=1), unresolved)
@@ -110,7 +116,7 @@ def pushing_table(table: Table | None = None) -> Table:
 
 
 def every_field_table() -> Table:
-    """The small table with another goal, a release, alternatives, a first contact and an embedded job."""
+    """Returns the small table with optional fields set: another goal, a release, alternatives and so on."""
     table = with_job(small_table(), '{"seed":1}')
     root, second = table.nodes
     squeeze = second.squeeze._replace(opening_um=60_000, force_mn=25_000)

@@ -38,7 +38,7 @@ class Part(Surroundings):
 
 
 class SchunkRig(GripperRig):
-    """A gripper on a pseudo-terminal; it tolerates any silence of its master, since machines may be busy."""
+    """A simulated gripper on a pseudo-terminal; it accepts long pauses between requests of a busy machine."""
 
     contact_um = 21_370
 
@@ -64,7 +64,10 @@ class SchunkRig(GripperRig):
 
 
 class Line(line.Line):
-    """A line that replaces its next answers by the results of `mishaps`, functions of request and answer."""
+    """A line that corrupts answers: each function of `mishaps` gets one request and its answer.
+
+    The function returns the pieces that the master receives instead of the answer.
+    """
 
     def __init__(self):
         super().__init__()

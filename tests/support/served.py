@@ -7,11 +7,11 @@ from programs import RUNTIME, WAIT_S, Closing, started
 
 
 class ServedRun(Closing):
-    """A run that answers at `port`.
+    """A process of `grasp-runtime`, which listens at the TCP port `port`.
 
     Args:
         folder: folder for the run's journal and output.
-        ready: words of the line of standard error that ends with the port.
+        ready: words of the line on standard error that ends with the port; they say that the run is ready.
         words: arguments of the command besides `--json` and `--journal`.
     """
 

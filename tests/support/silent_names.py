@@ -12,7 +12,10 @@ from programs import WAIT_S
 
 @contextmanager
 def silent_names() -> Iterator[None]:
-    """Context in which look-ups of names end only after it; checks that its body waits for none."""
+    """Context in which look-ups of host names do not end; asserts that the body of the `with` waits for none.
+
+    They end when the context is left.
+    """
     asked, over, answered = socket.getaddrinfo, threading.Event(), list[bool]()
 
     def silent(*words: Any, **settings: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Runs parts on a fake cell, with what the jaws meet, and lists the commands to jaws and arm."""
+"""Runs parts on a fake cell whose jaws meet given widths, and lists the commands to jaws and arm."""
 
 from counting import SETTINGS, count_of
 from fake_cell import Deaf, FakeCell, State, fake_cell
@@ -26,7 +26,7 @@ def run(
 
 
 def meeting(stop: int) -> FakeCell:
-    """A fake cell whose jaws stop at a part at the count `stop`, if they are commanded to close further."""
+    """Returns a fake cell with a part, at which the jaws stop at the count `stop` if they close so far."""
     rig = fake_cell([])
 
     def meet(width_um: int, speed_mm_s: float, force_n: float) -> None:

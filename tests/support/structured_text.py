@@ -57,7 +57,7 @@ Arrays without brackets take cubic time, and arrays of expressions most of the r
 
 @cache
 def parser() -> Lark:
-    """The parser of structured text, extended by array values that are integers in brackets."""
+    """Returns a parser of structured text in which initial values of arrays are integers in brackets."""
     grammar = blark.GRAMMAR_FILENAME.read_text()
     for general, narrow in NARROWED.items():
         assert grammar.count(general) == 1
@@ -120,7 +120,7 @@ class FunctionBlock:
         return kind, _fitted(kind, self._value(item.init.value))
 
     def _run(self, statements: Any) -> bool:
-        """Executes a list of statements; returns whether it ended with EXIT."""
+        """Executes a list of statements; returns whether an EXIT ended it early."""
         return any(map(self._left, statements.statements if statements else ()))
 
     def _left(self, statement: Any) -> bool:

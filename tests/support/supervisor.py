@@ -1,4 +1,4 @@
-"""A supervisor of the line for tests: asyncua's client, with blocking calls by names of the address space."""
+"""An OPC UA client for tests: asyncua behind blocking calls, which find nodes by their path of names."""
 
 import asyncio
 import threading
@@ -112,7 +112,7 @@ class Supervisor(Closing):
         return self.wait(self.node(parent).call_method(f"{self._index}:{name}", *inputs))
 
     def follow(self) -> None:
-        """Subscribes to transitions: `events` receives the names of all from now on."""
+        """Subscribes to the server's transitions: from now on `events` collects their names."""
         self.wait(self._follow(self.node(MACHINE)))
 
     async def _follow(self, machine: Node) -> None:
@@ -146,7 +146,7 @@ class Supervisor(Closing):
         return await (await parent.get_child("0:OutputArguments")).read_value()
 
     def release(self, handle: int) -> None:
-        """Releases a result."""
+        """Releases the result with a handle, so that the server may discard it."""
         given = ua.Variant(handle, ua.VariantType.UInt32)
         assert self.call(f"{RESULTS}/ReleaseResultHandle", given) == [0, ""]
 

@@ -26,7 +26,7 @@ def crc(data: bytes) -> bytes:
 
 
 class TappedGripper:
-    """A gripper with slave id 9 that answers each read with the same input block, and no other request."""
+    """A gripper with slave id 9: answers each read with the same input block, and ignores other requests."""
 
     unit = 9
 

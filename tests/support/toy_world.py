@@ -13,7 +13,7 @@ REACH = 3
 
 
 class Toy:
-    """Squeezes of a part at numbered poses.
+    """A world in which a part lies at one of a few numbered poses, and each action squeezes the part.
 
     Attributes:
         after: (actions, poses) number of the pose after each action at each pose.
@@ -30,20 +30,24 @@ class Toy:
         return cls(*(rng.integers(most, size=(actions, size)) for most in (size, readings)))
 
     def squeeze(self, parts, placements, rng):
-        """A `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
+        """Squeezes parts, as `planner.bound.histories.Squeeze`: x of a placement is the action's number.
+
+        Returns poses (n, 3) after the squeeze, and readings (n,).
+        """
         state = np.rint(parts.poses[:, 0] / SPACING_MM).astype(int)
         action = np.rint(placements[:, 0]).astype(int)
         return poses_of(self.after[action, state]), self.reading[action, state]
 
     def placements(self, history):
-        """A `planner.bound.histories.Placements` that gives all actions after any history."""
+        """Returns the placements (actions, 3) after a history: those of all actions, after any history."""
         return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
 
     def outcomes(self, squeezes, least_share=0.0, granted=False):
-        """The results of all plans of at most `squeezes` squeezes: a set of (squeezes, parts not located).
+        """Returns the results of all plans of at most `squeezes` squeezes, as (squeezes, parts not located).
 
-        Both numbers are sums over all poses. A plan claims a pose only if that locates `least_share` of the
-        parts. If `granted`, all parts are located after the last squeeze at the price of one squeeze more.
+        Both numbers are sums over one part at each pose. A plan states a pose only if it locates a share of
+        `least_share` of the parts that may be there. If `granted`, a plan may locate all parts that are left
+        after the last squeeze, at the price of one more squeeze of each.
         """
 
         @cache
@@ -67,9 +71,10 @@ class Toy:
         return after(tuple(range(self.size)), squeezes, first=True)
 
     def least(self, success, squeezes, **options):
-        """Least mean squeezes of a plan that locates a share `success` of all parts; infinite without any.
+        """Returns the least mean number of squeezes of a plan that locates a share `success` of all parts.
 
-        The plan has at most `squeezes` squeezes.
+        The plan has at most `squeezes` squeezes; without such a plan, the result is infinite. `options` go to
+        `outcomes`.
         """
         most = (1.0 - success) * self.size + 1e-9
         plans = self.outcomes(squeezes, **options)
@@ -78,6 +83,6 @@ class Toy:
 
 
 def poses_of(states):
-    """Poses (n, 3) of numbered states (n,)."""
+    """Returns the poses (n, 3) with the numbers `states` (n,)."""
     states = np.asarray(states, float)
     return np.column_stack([SPACING_MM * states, np.zeros((len(states), 2))])

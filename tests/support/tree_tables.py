@@ -19,7 +19,11 @@ def committed() -> dict[str, Table]:
 
 
 def table_of(name: str, workers: int | None = None) -> TableFile:
-    """The table of a job: the committed or kept table if it is of this job, else a new one, which is kept."""
+    """Returns the table of the job `name` in `trees/`.
+
+    This is the committed table, or one kept in `out`, if its job is the same; otherwise the job is compiled,
+    and the table is kept.
+    """
     job = job_file.load(TREES / name / "job.toml")
     for path in (TREES / name / f"{name}.msgpack", KEPT / f"{name}.msgpack"):
         if path.exists() and (result := load(path)).table.job_digest == job.digest():

@@ -1,10 +1,10 @@
 """A second squeeze simulator: slow, obvious, and built another way than the kernels.
 
-The motion is an ordinary differential equation in s, the distance that either finger has closed, and is
-integrated by scipy's `solve_ivp`. At every pose geometry gives the contacts, and the velocity is that of a
-consistent mode of contact (`lcp_twin.motions`). A contact with a gap g may close at the rate g / `REACH_MM`,
-so that velocities do not jump at a touch. If no mode is consistent, the part is held. Shares no code with
-`planner.mechanics`. Meant for polygons of few vertices.
+scipy's `solve_ivp` integrates the part's velocity over s, the distance that each finger has closed. At every
+pose geometry gives the contacts, and the velocity is that of a consistent mode of these contacts
+(`lcp_twin.motions`). A contact with a gap g may close at the rate g / `REACH_MM`, so that the velocity does
+not jump at a touch. If no mode is consistent, the part is held. The simulator shares no code with
+`planner.mechanics`, and is meant for polygons of few vertices.
 """
 
 import math
@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 REACH_MM = 0.01
 """Gap below which a pair of features counts as a contact; results are accurate to a few times as much."""
 BESIDE_MM = 0.1
-"""Depth behind a finger's face below which a vertex touches the face, and above which the finger's end."""
+"""A vertex that is less deep than this behind a finger's face touches the face, a deeper one the end."""
 MOST_CONTACTS = 4
 
 
@@ -28,11 +28,11 @@ class Part(NamedTuple):
     """A part and the jaws that squeeze it.
 
     Attributes:
-        outline: (N, 2) counter-clockwise, mm.
+        outline: (N, 2) vertices, counter-clockwise, mm.
         A: (3, 3) limit surface matrix in the part's frame.
         rho: the length that normalises A, mm.
         mu: friction at both fingers.
-        jaws: opening, length and thickness of the fingers, mm (a fourth entry is not read).
+        jaws: opening of the jaws, length and thickness of the fingers, mm; a fourth entry is not used.
     """
 
     outline: np.ndarray
@@ -51,11 +51,11 @@ class Result(NamedTuple):
 
 
 class HeldError(Exception):
-    """No motion is consistent."""
+    """Raised where no mode of the contacts is consistent: the part is held."""
 
 
 def squeeze(part: Part, pose: np.ndarray) -> Result:
-    """Closes the fingers from fully open until they hold the part, or meet."""
+    """Closes the fingers from fully open until they hold the part or meet; returns where the part ends."""
     closed = _first_touch(part, pose)
     end = 0.5 * part.jaws.opening_mm
     if closed >= end:
@@ -78,7 +78,7 @@ def squeeze(part: Part, pose: np.ndarray) -> Result:
 
 
 def _first_touch(part: Part, pose: np.ndarray) -> float:
-    """Distance that either finger closes before one of them touches the part [mm]; infinite if none does."""
+    """Returns how far each finger closes before one touches the part [mm]; infinite if none touches it."""
     opening, length, _ = part.jaws[:3]
     strip = shapely.box(-length / 2, -opening, length / 2, opening)
     between = shapely.Polygon(place(part.outline, pose)).intersection(strip)
@@ -89,7 +89,7 @@ def _first_touch(part: Part, pose: np.ndarray) -> float:
 
 
 def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
-    """d(x, y, theta) / ds with both fingers closing at unit speed."""
+    """Returns the part's velocity d(x, y, theta) / ds at the pose q, once each finger has closed by s."""
     touched = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
     if not touched:
         return np.zeros(3)
@@ -101,14 +101,14 @@ def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
 def rate(
     part: Part, q: np.ndarray, places: np.ndarray, advance: np.ndarray, gap: np.ndarray
 ) -> np.ndarray:
-    """Velocity (3,) of a part at a pose q (3,) that is touched at m contacts.
+    """Returns the velocity (3,) of a part that is touched at m contacts.
 
     Args:
         part: the part.
-        q: pose of the part.
+        q: (3,) pose of the part.
         places: (m, 4) point of each contact, and normal into the part.
-        advance: (m, 2) velocity of the pusher at each contact.
-        gap: (m,) velocity by which each contact may close.
+        advance: (m, 2) velocity of finger or pusher at each contact.
+        gap: (m,) speed at which finger and part may approach each other at each contact.
 
     Raises:
         HeldError: no motion is consistent.
@@ -124,7 +124,7 @@ def rate(
 
 
 def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
-    """All pairs of features that touch or nearly touch: (gap, finger, point x, y, normal x, y)."""
+    """Returns all contacts, also of features that nearly touch: (gap, finger, point x, y, normal x, y)."""
     opening, length, thickness = part.jaws[:3]
     half, points = length / 2, place(part.outline, q)
     result: list[tuple[float, ...]] = []
@@ -144,7 +144,10 @@ def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
 def _corner_contacts(
     points: np.ndarray, finger: int, corner: np.ndarray, side: int
 ) -> list[tuple[float, ...]]:
-    """Contacts of an inner corner of a finger with edges whose normals lie in the corner's cone."""
+    """Returns the contacts of an inner corner of a finger with edges of the part, in the form of `_contacts`.
+
+    Edges that would press out of the finger are left out.
+    """
     results: list[tuple[float, ...]] = []
     for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
         edge = second - first

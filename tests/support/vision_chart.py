@@ -16,7 +16,7 @@ LOCATED = Answer(1, 0, -1500, 250, 900_000, 1, 1, 20, 65535, 1.25)
 
 
 class Line:
-    """A server without clients; `events` are its methods and other events, such as the end of a part."""
+    """A server without clients; `events` maps the name of an event to a function that causes it."""
 
     def __init__(self, listener: socket.socket) -> None:
         self.exchange = Exchange(Station((1, 2), beats=False), SystemClock())
@@ -53,9 +53,9 @@ def _key(seen: Glance) -> tuple[object, ...]:
 
 
 def explored() -> Iterator[tuple[Glance, str, Glance]]:
-    """Yields each reachable glance, each event, and the glance after the event.
+    """Tries every event in every reachable state; yields (glance before, name of the event, glance after).
 
-    Glances that differ only in the numbers of jobs count as one.
+    A glance is a snapshot of the station. Glances that differ only in the numbers of jobs count as one state.
     """
     known: dict[tuple[object, ...], tuple[str, ...]] = {}
     ahead: list[tuple[str, ...]] = [()]

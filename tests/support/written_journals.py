@@ -23,7 +23,10 @@ def write_run(
     calibration: Calibration | None = None,
     segment_bytes: int = SEGMENT_BYTES,
 ) -> Path:
-    """Runs four parts and returns the journal: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
+    """Runs four parts on a fake cell, and records them in the journal at `path`; returns the path.
+
+    The parts end at leaf 0, at leaf 1 after two squeezes, at the unresolved leaf 2, and with REJECT.
+    """
     rig = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
     table = small_table()

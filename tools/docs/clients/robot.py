@@ -19,7 +19,7 @@ class Connection:
 
 
 def locate(connection, robot):
-    """Locates one part; returns leaf, x mm, y mm, angle deg and success, or None if it was not located."""
+    """Locates one part; returns leaf, x mm, y mm, angle deg and success rate, or None if not located."""
     words = connection.ask("NEXT")
     while words[0] == "SQUEEZE":
         node = words[1]
@@ -37,7 +37,7 @@ def locate(connection, robot):
 
 
 class Person:
-    """A person with a gripper in the hand, for a trial."""
+    """A robot for a trial: asks a person to move a gripper by hand, and to type its counts."""
 
     def place(self, x, y, angle, opening):
         input(f"open to {opening:g} mm, put the hand at ({x:g}, {y:g}) mm, {angle:g} deg; Enter ")

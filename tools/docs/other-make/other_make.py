@@ -1,4 +1,4 @@
-"""Example drivers: a gripper and an arm of a fictitious make, with lines of text over TCP, in millimetres."""
+"""Example drivers of a gripper and an arm of a fictitious make, which exchange lines of text over TCP."""
 
 import math
 
@@ -24,7 +24,7 @@ SPREAD_UM = 5 * PROFILE.noise_um  # largest distance between readings of fingers
 
 
 class Lines(StreamLink):
-    """Sends lines and receives lines; with `read_only`, sends only questions."""
+    """A link that sends a line of text and receives one; with `read_only` it sends nothing but questions."""
 
     def __init__(
         self, stream: Stream, pace: Pace, report: Report = no_report, *, read_only: bool
@@ -51,7 +51,7 @@ class Lines(StreamLink):
 
 
 class OtherGripper:
-    """Gripper whose protocol uses openings in mm."""
+    """The driver of the gripper, whose protocol states openings in mm."""
 
     profile = PROFILE
 
@@ -124,7 +124,10 @@ def gripper(
 
 
 class OtherArm:
-    """Arm that refuses unreachable targets; after a missing answer its state is unknown."""
+    """The driver of the arm, which refuses unreachable targets.
+
+    After a missing answer the state of the arm is unknown.
+    """
 
     def __init__(self, lines: Lines) -> None:
         self._lines = lines

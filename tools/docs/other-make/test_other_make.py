@@ -1,4 +1,4 @@
-"""The contract of grippers and arms, against simulated devices of this make."""
+"""Tests that the example drivers fulfil the contracts of grippers and arms, on simulated devices."""
 
 import contextlib
 import math
@@ -76,7 +76,7 @@ class GripperDevice:
 
 
 class ArmDevice:
-    """Simulates an arm: answers when it is at rest; does not answer if `mute`."""
+    """Simulates an arm: answers a motion when it has ended, and answers nothing if `mute`."""
 
     def __init__(self, _) -> None:
         self.mute, self.moves = False, 0

@@ -85,7 +85,7 @@ COMMAND = """
 
 
 def commands(page: str) -> str:
-    """Directives for the help of all commands of pyproject.toml that belong on a page."""
+    """Returns Sphinx directives that show the --help of each command that belongs on a page."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     text = ""
     for name, target in scripts.items():
@@ -96,7 +96,11 @@ def commands(page: str) -> str:
 
 
 def complete(_: Sphinx, page: str, source: list[str]) -> None:
-    """Completes a page: links and contents of the start page, help of commands, tables of results."""
+    """Completes the source of a page, for Sphinx.
+
+    The start page gets other links and its contents, pages of commands get the help, and the page of results
+    gets the tables.
+    """
     if page in PLACES:
         source[0] += commands(page)
     if page == "tools/docs/results":

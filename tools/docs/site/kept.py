@@ -4,10 +4,10 @@
     python tools/docs/site/kept.py bound worlds     print these tables
 
 A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`. The macro NAME of
-`kept.jinja` writes it from the file NAME.json of results; `squeeze-speed` is the macro `squeeze_speed` and
-the file squeeze.json. If there is a file NAME.txt, its text is taken instead. A test fails if a page is not
-what this script writes. In tools/docs/results.md a table has only the first marker, and is filled in when the
-site is built (conf.py).
+`kept.jinja` writes it from the results in NAME.json. A NAME may have a suffix: for `squeeze-speed`, the macro
+is `squeeze_speed` and the file squeeze.json. If there is a file NAME.txt, its text is the table. A test fails
+if a page is not what this script writes. In tools/docs/results.md a table has only the first marker, and is
+filled in when the site is built (conf.py).
 """
 
 import json
@@ -29,7 +29,7 @@ PLACE = re.compile(
 
 
 def figures(name: str) -> object:
-    """Returns the content of a file of results."""
+    """Returns the content of the file `name`.json of results."""
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 

@@ -13,14 +13,14 @@ OUTSIDE = ("http://", "https://", "//")
 
 
 class Found(NamedTuple):
-    """Faults of a site, one a line, and the external addresses that it names."""
+    """The faults of a site, a sentence for each, and the external addresses that the site links to."""
 
     faults: list[str]
     outside: list[str]
 
 
 class Page(HTMLParser):
-    """The targets and the anchors of a page."""
+    """A page: its anchors, the targets of its links, and the files that a browser loads with it."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -66,7 +66,7 @@ def check(site: Path) -> Found:
 
 
 def _faults(path: Path, target: str, pages: dict[Path, Page]) -> list[str]:
-    """Why a link from the page at `path` leads nowhere within the site; empty if it is valid."""
+    """Returns why a link from the page at `path` leads nowhere in the site; an empty list if it is valid."""
     parts = urlsplit(target)
     if parts.scheme in ("data", "mailto"):
         return []
