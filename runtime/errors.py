@@ -1,4 +1,4 @@
-"""Errors of the cell controller; `runtime.shell.errors` has the general ones."""
+"""Errors of the cell controller, derived from the general errors in `runtime.shell.errors`."""
 
 from pathlib import Path
 
@@ -7,13 +7,16 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class TableError(InputError):
-    """A table that must not be executed: missing, damaged, of another format, or invalid."""
+    """A table must not be executed: its file is missing, damaged, of another format, or invalid."""
 
 
 class JournalError(ExpectedError):
-    """The journal cannot be written, was moved or truncated, or one of its lines does not verify.
+    """The journal cannot be read or written, was moved or truncated, or one of its lines does not verify.
 
-    `line` is the number of that line, from 1.
+    Args:
+        path: path of the journal.
+        reason: what is wrong, and what to do.
+        line: number of the wrong line, from 1; None if no single line is wrong.
     """
 
     exit_code = ExitCode.JOURNAL
@@ -25,11 +28,11 @@ class JournalError(ExpectedError):
 
 
 class TornError(JournalError):
-    """The last line of a journal is incomplete: a crash cut it short, before anything followed from it."""
+    """The last line of a journal is incomplete: a crash cut it short, before any action followed from it."""
 
 
 class BrokenRunError(ExpectedError):
-    """The last run broke off, and the policy or the state of the cell forbids resuming it."""
+    """The last run broke off and may not be continued: the policy or the state of the cell forbids that."""
 
     exit_code = ExitCode.JOURNAL
 
@@ -43,6 +46,6 @@ class MotionRefusedError(DeviceError):
 
 
 class PackError(ExpectedError):
-    """A pack is refused, or no pack covers the software of a run."""
+    """A signed pack is refused, or no pack holds the table and the calibration of a run."""
 
     exit_code = ExitCode.SIGNATURE
