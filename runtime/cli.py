@@ -1,7 +1,7 @@
-"""The entry points of `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`, which open devices.
+"""The commands of the cell, wired to the drivers: `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`.
 
-This is the only module of the runtime that imports drivers; the other modules import only the drivers'
-interfaces (`drivers.ports`). Each entry point loads only the modules that its command needs.
+This is the only module of the runtime that imports drivers; the others import only their interfaces
+(`drivers.ports`). Each command loads only the modules it needs.
 """
 
 import argparse
@@ -47,12 +47,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
 
 def guarded(built: command.Parser, argv: Sequence[str] | None, body: Body) -> int:
-    """Runs a command of the cell: stop requests end it, and slow readers of its output do not delay it.
-
-    Args:
-        built: the command's parser.
-        argv: the arguments; None: those of the process, which ends after the command.
-        body: does the command's work with the parsed arguments and the drivers.
+    """Runs a command of the cell so that stop requests end it and slow readers do not delay it.
 
     Returns:
         The exit code.

@@ -1,4 +1,4 @@
-"""Errors of the cell controller, derived from the general errors in `runtime.shell.errors`."""
+"""Errors of the cell controller; `runtime.shell.errors` has the general ones."""
 
 from pathlib import Path
 
@@ -7,16 +7,13 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class TableError(InputError):
-    """A table must not be executed: its file is missing, damaged, of another format, or invalid."""
+    """A table that must not be executed: missing, damaged, of another format, or invalid."""
 
 
 class JournalError(ExpectedError):
-    """The journal cannot be read or written, was moved or truncated, or one of its lines does not verify.
+    """The journal cannot be written, was moved or truncated, or one of its lines does not verify.
 
-    Args:
-        path: path of the journal.
-        reason: what is wrong, and what to do.
-        line: number of the wrong line, from 1; None if no single line is wrong.
+    `line` is the number of that line, from 1.
     """
 
     exit_code = ExitCode.JOURNAL
@@ -28,11 +25,11 @@ class JournalError(ExpectedError):
 
 
 class TornError(JournalError):
-    """The last line of a journal is incomplete: a crash cut it short, before any action followed from it."""
+    """The last line of a journal is incomplete: a crash cut it short, before anything followed from it."""
 
 
 class BrokenRunError(ExpectedError):
-    """The last run broke off and may not be continued: the policy or the state of the cell forbids that."""
+    """The last run broke off, and the policy or the state of the cell forbids resuming it."""
 
     exit_code = ExitCode.JOURNAL
 
@@ -46,6 +43,6 @@ class MotionRefusedError(DeviceError):
 
 
 class PackError(ExpectedError):
-    """A signed pack is refused, or no pack holds the table and the calibration of a run."""
+    """A pack is refused, or no pack covers the software of a run."""
 
     exit_code = ExitCode.SIGNATURE

@@ -29,7 +29,7 @@ PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-
 
 
 class Verdict(Enum):
-    """Grade of a finding: good, a warning, or bad: the cell must not run."""
+    """Grade of a finding; a cell with a bad finding must not run."""
 
     GOOD = "good"
     WARNING = "warning"

@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @contextmanager
 def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
-    """Context that yields the addresses of gripper and arm; the latter is None if there is no arm.
+    """Context that yields the addresses of gripper and arm; the arm's address is None if there is no arm.
 
     For `--port sim`, a simulated cell runs during the context.
     """

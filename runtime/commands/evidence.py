@@ -140,7 +140,7 @@ def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
 
 
 def _signing_key(given: Path | None) -> keys.SigningKey:
-    """Loads the private key from the file `given`; None: loads the default key, or creates it if missing."""
+    """Loads the private key from the file `given`; for None, loads or creates the default key."""
     path = given or _default_key()
     if given is not None or path.exists():
         return keys.load_private(path)

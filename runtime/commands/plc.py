@@ -110,7 +110,7 @@ class PlcRun:
         self._stopped = False  # whether a stop request ended a part
 
     def run(self, cell: Cell) -> int:
-        """Runs the parts that the PLC triggers, until all are done, one ends the run, or a stop is requested.
+        """Runs triggered parts until all are done, an outcome ends the run, or a stop is requested.
 
         Args:
             cell: the devices and the journal. The journal must already have the header of the first table's
@@ -181,7 +181,7 @@ class PlcRun:
             yield self._parts
 
     def _ended_withdrawn(self, journal: Journal) -> bool:
-        """If the PLC has taken `enable` back after its trigger, ends the triggered part with a fault.
+        """If the PLC has switched `enable` off after its trigger, ends the triggered part with a fault.
 
         Returns:
             Whether a part was ended in this way.
@@ -233,7 +233,7 @@ def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
     Args:
         journal: the journal.
         order: what the trigger requests.
-        part: number of the part; None if no part runs, since the PLC has taken `enable` back.
+        part: number of the part; None if no part runs, since the PLC has switched `enable` off.
     """
     fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
     journal.record("trigger", fields)

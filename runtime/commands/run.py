@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What one call of `grasp-runtime` asks for; its methods do it."""
+    """One call of `grasp-runtime`: its methods do what the arguments ask for."""
 
     arguments: argparse.Namespace
     recipe: Recipe  # the table, the first if there are several

@@ -104,9 +104,9 @@ class Monitor(Console):
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
     def _say_goodbye(self) -> None:
-        """If a page is open in a browser, waits up to `FAREWELL_S` until it has read how the run ended.
+        """If a page is open in a browser, waits up to `FAREWELL_S` until the page has read how the run ended.
 
-        Otherwise the page could not distinguish the run's end from a lost connection.
+        Without the wait the page could not distinguish the run's end from a lost connection.
         """
         watched = self._status.watched
         if not watched.is_set():

@@ -24,7 +24,7 @@ class Bar(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A named interval of a histogram's axis, which is shaded."""
+    """A named and shaded interval of a histogram's axis."""
 
     low: float
     high: float

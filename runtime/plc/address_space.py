@@ -1,7 +1,7 @@
 """The address space of the OPC UA server: objects, variables and methods below the object `VisionSystem`.
 
-Each has a path below `VisionSystem`. Its node identifier is this path with dots in place of slashes, so that
-clients need not browse for it.
+Each of these nodes has a path below `VisionSystem`. The node's identifier is this path with dots in place of
+slashes, so that clients need not browse for it.
 """
 
 from collections.abc import Callable, Iterable, Mapping

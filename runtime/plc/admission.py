@@ -67,7 +67,10 @@ class GuardedServer(InternalServer):
         return Session(self, self.aspace, self.subscription_service, name, user=user)
 
     def register_server(self, *_: Any) -> None:
-        """Refuses the service RegisterServer, which is for discovery servers and open to unknown clients."""
+        """Refuses the service RegisterServer, which is for discovery servers only.
+
+        asyncua would answer this request before the client is authenticated.
+        """
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
     def get_user(self, *_: Any, certificate: Any = None, **_names: Any) -> User:
@@ -86,7 +89,7 @@ class GuardedServer(InternalServer):
 
 
 class Session(InternalSession):
-    """A client's session; reports to the server when it ends."""
+    """The session of a client; when the session ends, it calls the server's `ended`."""
 
     iserver: GuardedServer
 

@@ -17,7 +17,7 @@ _NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVE
 
 
 class Exchange:
-    """A station with a lock: the server's thread and the run's thread may both use it.
+    """A PLC's station with a lock, so that the server's thread and the run's thread can both use it.
 
     Args:
         station: the PLC's registers and handshake.
@@ -41,12 +41,12 @@ class Exchange:
     # -- the server's side ----------------------------------------------------------------------------
 
     def read(self, address: int, count: int) -> list[int] | Refusal:
-        """Reads registers for a client, see `Station.read`."""
+        """Reads registers for a client; returns their words or a refusal, see `Station.read`."""
         with self._step() as station:
             return station.read(address, count, self.clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
-        """Writes registers for a client, see `Station.write`; wakes the run if it waits in `wait`."""
+        """Writes registers for a client and wakes the run; returns a refusal or None, see `Station.write`."""
         with self._step() as station:
             refusal = station.write(address, values, self.clock.now())
         self._wake()
@@ -107,7 +107,7 @@ class Exchange:
 
     @contextmanager
     def _step(self) -> Iterator[Station]:
-        """Context that locks the station and yields it; calls `watch` if the state has changed at the end."""
+        """Context that locks the station and yields it, and calls `watch` if the state changes meanwhile."""
         with self._lock:
             yield self._station
             self._look()

@@ -162,7 +162,7 @@ class Connection(asyncio.BufferedProtocol):
     ) -> list[int] | ExcCodes:
         """Reads registers for a request of pymodbus; returns the values, or the exception code of a refusal.
 
-        For function 6, pymodbus asks for the value just written, for its answer.
+        For the answer to function 6, which writes one register, returns the value just written.
         """
         if func_code == 6:
             return self._last

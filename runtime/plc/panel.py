@@ -74,7 +74,7 @@ class Panel:
 
     @property
     def state(self) -> vision.VisionState:
-        """The present state of OPC 40100-1 that clients see."""
+        """The state that clients see now, one of OPC 40100-1."""
         return vision.view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:

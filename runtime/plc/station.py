@@ -81,7 +81,7 @@ class Counters:
         """Counts one part.
 
         Args:
-            outcome: its `Answer.outcome`.
+            outcome: the part's `Answer.outcome`.
             seconds: time that the part took, s; NaN if unknown.
         """
         self._values[f"parts_{OUTCOMES[outcome]}"] += 1
@@ -154,7 +154,7 @@ class Station:
         return None
 
     def put(self, changes: Mapping[str, int], now: float) -> None:
-        """Writes registers, and makes the handshake's events that follow from the changes.
+        """Writes registers, and gives the handshake the events that follow from the changes.
 
         Args:
             changes: valid values by register name.

@@ -59,7 +59,7 @@ class Row(NamedTuple):
 
 
 def waits(seen: Glance) -> bool:
-    """Whether a result waits for the PLC to take it, in a station's state."""
+    """Whether a station has a result that waits for the PLC to take it."""
     return SIGNALS[seen.state].result_valid
 
 

@@ -345,9 +345,10 @@ def _discard(file: TextIO) -> None:
 
 
 def _open_streams() -> bool:
-    """Opens standard streams that are closed on /dev/null; returns whether standard output was closed.
+    """Connects closed standard streams to /dev/null; returns whether standard output was closed.
 
-    Otherwise the next opened file would get the number of a closed stream, and prints would write into it.
+    Otherwise the next file to be opened would get a closed stream's number, and what is printed would go into
+    this file.
     """
     closed = []
     for descriptor in range(3):

@@ -34,8 +34,8 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
         stdout: whether standard output is allowed.
 
     Raises:
-        OutputError: the file is a link, a folder, a device or one of the others, its folder does not exist,
-            or this user may not write it.
+        OutputError: the file is a link, a folder, a device or one of `others`; its folder does not exist; or
+            this user may not write it.
     """
     if stdout and path in STDOUT:
         return path
@@ -59,7 +59,7 @@ def folder(path: Path, *others: Path | None) -> Path:
         others: folders that the command reads; None is ignored.
 
     Raises:
-        OutputError: the folder cannot be created, or is one of the others.
+        OutputError: the folder cannot be created, or is one of `others`.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -136,7 +136,7 @@ def _begin(draft: Path, path: Path) -> None:
 
 
 def quoted(path: Path | str) -> str:
-    """Quotes a path for a shell's command line that a message shows; "-x" becomes "./-x"."""
+    """Quotes a path for a command line in a message, which people may copy; "-x" becomes "./-x"."""
     text = str(path)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 

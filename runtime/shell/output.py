@@ -2,8 +2,8 @@
 
 A full pipe, an unread socket or a held terminal (Ctrl-S) would block a print. In the context `unblocked`
 nothing blocks: lines that the reader does not take are kept, up to `KEPT_BYTES`, and sent before later lines.
-Further lines are dropped. At the command's end the reader has `END_S` to take the kept lines. Nothing is lost
-by that: the journal records all events of a run.
+Further lines are dropped. At the command's end the reader has `END_S` to take the kept lines. The journal
+records all events of a run, so that a dropped line is only a lost copy.
 """
 
 import contextlib

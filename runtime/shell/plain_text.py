@@ -29,9 +29,10 @@ def unprintable(value: Any) -> str | None:
 
 
 def nested(value: Any) -> Iterator[tuple[int, Any]]:
-    """Yields each object in parsed JSON or TOML, with its level of nesting; the keys of objects, too.
+    """Yields a value of parsed JSON or TOML and everything inside it, keys too, as pairs (level, value).
 
-    The outermost object has level 0. The function uses no recursion, so that no level is too deep.
+    The level is the depth of nesting; the outermost value has level 0. No nesting is too deep, since the
+    function uses no recursion.
     """
     waiting = [(0, value)]
     while waiting:

@@ -19,7 +19,7 @@ def parse(text: str | bytes) -> Any:
 
     Raises:
         ValueError: the text is not JSON in UTF-8, is nested too deeply, or holds a number that is not finite
-            or has too many digits. The message continues a sentence that ends with "is".
+            or has too many digits. The message fits after "is", such as "nested too deeply".
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text

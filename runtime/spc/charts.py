@@ -101,7 +101,11 @@ class GTestChart:
         self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
-        """Adds one part, as the pairs (node, branch) that it took; returns whether the chart alarms."""
+        """Adds one part, given the branches that it took; returns whether the chart alarms.
+
+        Args:
+            taken: for each squeeze of the part, the indices of node and branch.
+        """
         self.recent.append(taken)
         if len(self.recent) < self.window // 2 or self._tail() > UNLIKELY:
             return False

@@ -55,8 +55,8 @@ class Expectation:
     def gains(self, table: Table, part: Part) -> list[float]:
         """Log-likelihood ratios of a part's readings, one for each world but the planned world.
 
-        Each compares the probability in that world with the probability in the planned world, and is cut
-        to `CLIP` at most.
+        Each ratio compares the readings' probability in a world with their probability in the planned world.
+        A ratio above `CLIP` is cut to `CLIP`.
         """
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)

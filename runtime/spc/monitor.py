@@ -1,6 +1,7 @@
 """All control charts of a table: their values, their alarms, and whether a refit of the job would pay.
 
-`Monitor` runs the charts over finished runs, `Drift` during a run.
+A refit (`plan-refit`) learns from journals what is off in the cell. `Monitor` runs the charts over finished
+runs, `Drift` during a run.
 """
 
 from collections import defaultdict, deque
@@ -63,8 +64,9 @@ class Monitor:
     """The control charts of one table: `add` sends a part to all charts, and returns their alarms.
 
     Only the parts within the charts' windows are kept. `drawn` holds the values of the charts that reports
-    draw, by name: `wider` and `narrower` after each squeeze, `COORDINATES` after each measured part, and
-    `friction` after each part if there are expected readings.
+    draw: the cumulative sums `wider` and `narrower` of widths after each squeeze, the mean residuals `x`, `y`
+    and `theta` after each measured part, and the statistic `friction` of readings after each part, if there
+    are expected readings.
     """
 
     def __init__(
@@ -137,7 +139,7 @@ class Monitor:
 
 
 class Drift:
-    """The control charts of a table during a run; `add` reports whether a refit of the job would pay."""
+    """The control charts of a table during a run; `add` returns whether a refit (`plan-refit`) would pay."""
 
     def __init__(self, table: Table) -> None:
         self._charts = Monitor(table, keep=RECENT)
@@ -158,7 +160,7 @@ class Drift:
         }
 
     def add(self, result: PartResult) -> bool:
-        """Adds a part that has ended; returns whether a refit of the job would pay now."""
+        """Adds a part that has ended; returns whether a refit of the job (`plan-refit`) would pay now."""
         nodes = self._charts.table.nodes
         squeezes = (
             NodeReading(step.node, nodes[step.node].branch_to(step.target), step.width_um)

@@ -92,7 +92,7 @@ class Summary:
 
     @property
     def names_tail(self) -> float:
-        """Probability that the counts in `names` differ as much from the table's shares by chance.
+        """Probability that chance alone makes the counts in `names` differ this much from the table's shares.
 
         The probability is that of Pearson's chi-square test.
         """
@@ -101,7 +101,7 @@ class Summary:
 
     @property
     def refit(self) -> bool:
-        """Whether a refit of the job would pay: there are enough parts, and readings are not as planned."""
+        """Whether a refit (`plan-refit`) would pay: parts are many enough, and readings not as planned."""
         drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 

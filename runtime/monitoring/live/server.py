@@ -37,7 +37,7 @@ Connection: close\r
 
 
 class Address(NamedTuple):
-    """A host, by name or number, and a TCP port; port 0 stands for any free one."""
+    """A host, given by name or number, and a TCP port; port 0 stands for any free port."""
 
     host: str
     port: int

@@ -57,12 +57,15 @@ class SequentialTest:
     limit: float  # largest acceptable share of failures, between 0 and 1
 
     def evidence(self, failures: int, parts: int, share: float) -> float:
-        """Evidence against a true share of failures: the logarithm of the module's averaged likelihood ratio.
+        """Evidence against the assumption that the true share of failures is `share`.
+
+        The evidence is the logarithm of the averaged likelihood ratio in the module's docstring. From
+        -log(`ERROR`) on, the test excludes the share.
 
         Args:
             failures: number of failures, S.
             parts: number of parts, n.
-            share: the true share of failures that is tested, m.
+            share: the assumed true share of failures, m.
         """
         # This beta distribution has the limit as its mean: the test is most sensitive about the limit.
         a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit
@@ -71,12 +74,12 @@ class SequentialTest:
         return mixed - failed - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
-        """Whether `failures` among `parts` show that the share is below the limit."""
+        """Whether a number of failures among a number of parts shows that the share is below the limit."""
         below = failures < self.limit * parts
         return below and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def refuses(self, failures: int, parts: int) -> bool:
-        """Whether `failures` among `parts` show that the share is above the limit."""
+        """Whether a number of failures among a number of parts shows that the share is above the limit."""
         above = failures > self.limit * parts
         return above and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 

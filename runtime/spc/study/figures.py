@@ -20,7 +20,7 @@ CROSSED = {"parts": 10, "appraisers": 3, "trials": 3}  # the usual size of a cro
 
 
 class GaugeRow(NamedTuple):
-    """Type-1 studies of the parts at one leaf, or at all leaves."""
+    """Type-1 studies (bias, Cg, Cgk) of the parts at one leaf, or at all leaves."""
 
     leaf: int | None  # index of the leaf; None for all leaves together
     readings: int  # number of measured parts
@@ -117,7 +117,7 @@ def by_truth(history: History) -> History:
 
 
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
-    """The goal's tolerance of each coordinate: the width from the least to the greatest value, mm or rad.
+    """The goal's tolerance of each coordinate: from the least to the greatest allowed value, mm or rad.
 
     A goal that states a distance allows this distance to either side in each coordinate. Coordinates without
     a tolerance are left out.
@@ -157,10 +157,10 @@ def parts_of_leaves(table: Table) -> int | None:
 
 
 def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
-    """Computes crossed studies of the squeeze as a gauge; each journal is an appraiser.
+    """Computes crossed studies (gauge R&R) of the squeeze as a gauge; each journal is an appraiser.
 
-    The studied quantities are the width of the first squeeze, for which the hand is at the same place for
-    every part, and, if every part was located, the coordinates of the predicted pose.
+    One studied quantity is the width of the first squeeze: for this squeeze the hand is at the same place for
+    every part. If every part was located, the coordinates of the predicted pose are studied, too.
 
     Args:
         runs: the history of each journal; all journals have one table.
@@ -196,7 +196,7 @@ def _coordinate(table: Table, number: int) -> Quantity:
     """Builds a function that returns a coordinate of a part's predicted pose in the world.
 
     Args:
-        table: the table that the part was located with.
+        table: the table by which the part was located.
         number: index of the coordinate: x, y or theta.
     """
     return lambda part: turned_pose(predicted_pose(table.leaves[part.leaf or 0]), part.turn_rad)[

@@ -26,7 +26,7 @@ K3 = dict(enumerate((0.7071, 0.5231, 0.4467, 0.4030, 0.3742, 0.3534, 0.3375, 0.3
 
 
 class TypeOne(NamedTuple):
-    """Results of a type-1 study; undefined values are None."""
+    """Results of a type-1 study, which compares repeated readings with a reference; None: undefined."""
 
     readings: int  # number of readings
     bias: float  # mean deviation: gauge minus reference, in the unit of the readings
@@ -61,7 +61,7 @@ def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
 
 
 class Spread(NamedTuple):
-    """Standard deviations that a crossed study estimates, in the unit of its readings."""
+    """Standard deviations that a crossed study (gauge R&R) estimates, in the unit of its readings."""
 
     repeatability: float  # EV: readings of one part by one appraiser
     # AV: between appraisers; includes their interaction with parts if it is significant
@@ -105,7 +105,7 @@ Readings = Sequence[Sequence[Sequence[float]]]
 
 @dataclass(frozen=True, slots=True)
 class Crossed:
-    """Results of a crossed study, by analysis of variance and by the average-and-range method."""
+    """Results of a crossed study (gauge R&R), by analysis of variance and by average and range."""
 
     parts: int  # number of parts
     appraisers: int  # number of appraisers
@@ -137,7 +137,7 @@ class Crossed:
 
 
 def crossed(readings: Readings) -> Crossed:
-    """Evaluates a crossed study.
+    """Evaluates a crossed study (gauge R&R): several appraisers measure the same parts several times.
 
     Args:
         readings: readings of shape (parts, appraisers, trials).
@@ -169,8 +169,8 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
         r: number of trials.
 
     Returns:
-        The probability of such an interaction by chance (None if repeated readings never differ), and the
-        standard deviations.
+        The probability that chance alone makes such an interaction (None if repeated readings never differ),
+        and the standard deviations.
     """
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]
