@@ -1,1 +1,1 @@
-"""The commands of the cell: their arguments, the checks of the arguments, and the commands' bodies."""
+"""The commands of the cell: for each its arguments, the checks of these arguments, and what it does."""

@@ -1,4 +1,4 @@
-"""The arguments of `grasp-runtime`."""
+"""Defines the command-line arguments of `grasp-runtime`."""
 
 import argparse
 import json
@@ -15,9 +15,9 @@ from runtime.shell.exit_codes import ExitCode, epilog
 Add = Callable[..., object]  # `add_argument` of a group
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
-MANUAL = "manual"  # a person at the terminal
+MANUAL = "manual"  # address of a device whose motions a person makes by hand
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
-# Options that --serve allows; the others are about devices, which the robot moves itself.
+# Options that --serve allows. The other options are about devices, which the robot moves itself.
 SERVED = {
     *("serve", "network", "trees", "count", "journal", "json", "debug", "calibration"),
     *("on_reject", "on_unresolved", "http", "shifts", "require_signed"),
@@ -47,11 +47,11 @@ declared safe state; what came first gives the exit code:
 
 
 def address(text: str) -> str:
-    """Returns a device's address as it is, for argparse; refuses only a misspelt `sim` or `manual`."""
+    """Returns a device's address unchanged, for argparse; refuses only a misspelt `sim` or `manual`."""
     words = (SIMULATED, MANUAL)
     if text in words or ":" in text or Path(text).exists():
         return text
-    import difflib  # for mistakes only
+    import difflib  # not loaded unless there may be a mistake
 
     near = difflib.get_close_matches(text.lower(), words, 1)
     if near:
@@ -60,17 +60,21 @@ def address(text: str) -> str:
 
 
 def given(arguments: argparse.Namespace) -> dict[str, str]:
-    """The options that differ from their defaults, by their names in the parsed arguments."""
+    """The options of `grasp-runtime` whose values differ from the defaults.
+
+    Returns:
+        A mapping from the names in the parsed arguments, such as "time_scale", to options, "--time-scale".
+    """
     defaults, values = parser(), vars(arguments).items()
     names = (name for name, value in values if value != defaults.get_default(name))
     return {name: f"--{name.replace('_', '-')}" for name in names}
 
 
 class PrintedMap(argparse.Action):
-    """Prints the registers of `--plc` and exits, as --help does."""
+    """The action of the option `--plc-map`: prints the register map for a PLC, and exits as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Prints the registers and exits."""
+        """Prints the register map as JSON, and exits."""
         from runtime.plc import registers  # not loaded by a run without a PLC
 
         say(json.dumps(registers.as_json()))
@@ -214,7 +218,7 @@ def _add_views(add: Add) -> None:
 
 
 def hours(text: str) -> tuple[int, ...]:
-    """Parses hours of a day, separated by commas, for argparse."""
+    """Parses hours of the day separated by commas, such as "6,14,22", for argparse."""
     words = text.split(",")
     if not all(word.isascii() and word.isdecimal() and int(word) < 24 for word in words):
         raise argparse.ArgumentTypeError(f"{text!r}: write hours from 0 to 23, such as 6,14,22")
@@ -230,5 +234,5 @@ def _add_simulated(add: Add) -> None:
 
 
 def time_scale(text: str) -> float:
-    """Parses the speed of a simulated cell as a multiple of real time, infinite for virtual time."""
+    """Parses the speed of a simulated cell, for argparse: a multiple of real time; "max" becomes infinity."""
     return inf if text == "max" else positive(text)

@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate`: measures the gripper, and the audit's camera."""
+"""The command `grasp-calibrate`: measures a cell's gripper. Its parser also lists the audit's subcommands."""
 
 import argparse
 import sys
@@ -56,7 +56,7 @@ def parser() -> Parser:
     purpose = "measure the true widths of the gripper's jaws, with gauge blocks"
     width = add_command(subcommands, purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
-    # The audit's commands have a parser of their own, which is tried before this one.
+    # Another parser handles the audit's subcommands, before this one; here they are only listed for --help.
     for name, help_text in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=help_text, add_help=False)
     calibrate_middle.add_shared(width)
@@ -78,19 +78,27 @@ def parser() -> Parser:
 
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Runs the subcommand `width` or `middle`; returns 0. Its errors are those of `run` of either module."""
+    """Runs the subcommand `width` or `middle`, which asks the operator at the terminal; returns 0.
+
+    Args:
+        arguments: the parsed command line.
+        drivers: opens the devices, moving nothing.
+
+    Raises:
+        Exception: any error of this package or of a device; each has its `exit_code`.
+    """
     ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     body = calibrate_middle.run if arguments.what == calibrate_middle.NAME else run
     return body(arguments, drivers, ask)
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measures the gripper as the arguments ask, and writes the result to a file; returns 0.
+    """Measures the widths of the jaws with gauge blocks, and writes the calibration to a file; returns 0.
 
     Args:
         arguments: the parsed command line.
-        drivers: opens a gripper, moving nothing.
-        ask: prompts the operator and waits.
+        drivers: opens the gripper, moving nothing.
+        ask: shows the operator a sentence, and waits for Enter.
 
     Raises:
         Exception: any error of this package or of the gripper; each has its `exit_code`.
@@ -121,9 +129,13 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
 
 
 def report(measured: Measured) -> Iterator[str]:
-    """Yields the lines of a table for people: each block's readings, their spread, and two deviations.
+    """Yields lines for people: for each gauge block its readings, their spread, and two deviations.
 
-    The first is the deviation of a calibration without this block, the second of the nominal widths.
+    The first deviation is that of a calibration fitted without this block, the second is that of the
+    gripper's nominal widths.
+
+    Args:
+        measured: the measurement, as `figures` returns it.
     """
     yield f"gripper {measured['gripper']}"
     yield "block mm  read mm               spread  without this block  nominal"
@@ -136,7 +148,7 @@ def report(measured: Measured) -> Iterator[str]:
 
 
 def figures(measured: calibration.GripperCalibration) -> Measured:
-    """The measurement in plain types, with the deviations that `report` shows."""
+    """Converts a calibration to the form of JSON, and adds the two deviations of each block for `report`."""
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
         {
@@ -162,7 +174,12 @@ def _ask_terminal(sentence: str, file: TextIO) -> None:
 def _checked(
     arguments: argparse.Namespace,
 ) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
-    """Checks and returns blocks (ascending, mm), tips (mm) and current (mA), before anybody holds a block."""
+    """Checks the arguments of `width`, before anybody holds a block.
+
+    Returns:
+        Widths of the gauge blocks (ascending, mm); link and offset of the tips' arc (mm), None if not given;
+        least and most motor current (mA), None if not given.
+    """
     named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
@@ -176,13 +193,13 @@ def _checked(
 
 
 def _blocks(model: str) -> str:
-    """Widths of the usual blocks that fit between a model's fingers, mm, as `--blocks` takes them."""
+    """Widths of the usual gauge blocks that fit between a model's fingers, in the form of `--blocks`, mm."""
     stroke_um = profile_of(model).stroke_um
     return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 
 
 def _pair(option: str, text: str | None) -> tuple[float, float] | None:
-    """Parses the two numbers of an option; returns None if the option was not given."""
+    """Parses the value of an option that takes two numbers; returns None if the option was not given."""
     if text is None:
         return None
     first, *others = _numbers(option, text)

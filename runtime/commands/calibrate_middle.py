@@ -1,4 +1,4 @@
-"""The command `grasp-calibrate middle`: measures where the fingers meet, on a block fixed to the table."""
+"""The command `grasp-calibrate middle`: measures where the fingers meet, with a block fixed to the table."""
 
 import argparse
 import sys
@@ -39,7 +39,12 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 
 def add_to(subcommands: Any, codes: str) -> None:
-    """Adds the subcommand `middle`, with its arguments, to `grasp-calibrate`."""
+    """Adds the subcommand `middle` with its arguments.
+
+    Args:
+        subcommands: the subcommands of `grasp-calibrate`.
+        codes: the section of --help with the exit codes.
+    """
     purpose = "measure where the fingers meet, with a block fixed to the table"
     parser = add_command(subcommands, purpose, EXAMPLE, codes)
     parser.description = DESCRIPTION
@@ -71,12 +76,12 @@ def add_shared(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measures where the fingers meet, and writes the calibration with the result to a file; returns 0.
+    """Measures where the fingers meet, and writes the calibration with this result to a file; returns 0.
 
     Args:
         arguments: the parsed command line.
         drivers: opens the devices, moving nothing.
-        ask: prompts the operator and waits.
+        ask: shows the operator a sentence, and waits for Enter.
 
     Raises:
         Exception: any error of this package or of a device; each has its `exit_code`.
@@ -141,7 +146,11 @@ def _print(arguments: argparse.Namespace, known: middle.Middle, table: Table) ->
 
 
 def _checked(arguments: argparse.Namespace) -> tuple[Pose2, calibration.GripperCalibration]:
-    """Checks and returns the block's place and the gripper's calibration, before anything is opened."""
+    """Checks the arguments of `middle`, before a device is opened.
+
+    Returns:
+        The pose of the block (x mm, y mm, angle rad), and the gripper's calibration.
+    """
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
         raise UsageError(
             "the middle is measured with a gripper on an arm; name both by their addresses "

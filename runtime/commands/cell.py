@@ -1,4 +1,4 @@
-"""Opens the devices of a run; for `--port sim` it starts the simulated cell first."""
+"""Opens the devices of a run. For `--port sim`, starts a simulated cell first."""
 
 import argparse
 from contextlib import ExitStack
@@ -21,13 +21,13 @@ PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
 class Devices(NamedTuple):
-    """Devices of a run; only a simulated cell has a scene and the address of a camera."""
+    """The opened devices of a run."""
 
     gripper: Gripper
     arm: Arm
-    scene: Scene | None
-    camera: str = ""
-    clock: SystemClock | None = None  # the cell's clock, where its time is not the machine's
+    scene: Scene | None  # brings parts and tells their true poses, in a simulated cell; else None
+    camera: str = ""  # address of the camera of a simulated cell; "" without a camera
+    clock: SystemClock | None = None  # the clock of a simulated cell in virtual time; else None
 
 
 def connect(
@@ -37,15 +37,15 @@ def connect(
     stack: ExitStack,
     report: Report,
 ) -> Devices:
-    """Connects to the devices of a run, to simulated ones as to hardware; nothing moves.
+    """Connects to the devices of a run, real or simulated; nothing moves.
 
     Args:
         arguments: the parsed command line of `grasp-runtime`.
-        recipe: its table states the gripper's model, and the part of a simulated cell; its console receives
-            the name of the world of a simulated cell.
+        recipe: its table states the gripper's model, and the part of a simulated cell. Its console receives
+            notes about a simulated cell.
         drivers: opens the devices.
-        stack: closes what was opened.
-        report: receives retries and failures on the gripper's link.
+        stack: when it closes, the devices are closed.
+        report: function that is called at each retry and failure on the gripper's link.
 
     Raises:
         ExpectedError: a lock is taken, the simulated cell does not start, or a driver fails.
@@ -70,7 +70,7 @@ def connect(
         gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
         console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times real time")
         if arguments.arm == MANUAL:
-            arm_url = f"{MANUAL}+{cell.arm}"  # follows the person's hand, with the part in it
+            arm_url = f"{MANUAL}+{cell.arm}"  # the simulated arm follows the person's hand
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
@@ -88,9 +88,11 @@ def connect(
 
 
 def _default_world(table: Table, console: Console) -> str:
-    """Name of the contact world if it can run here, else of the rehearsal.
+    """Chooses the world of a simulated cell; returns its name.
 
-    The rehearsal draws widths from the table's statistics; a note on the console then says so.
+    The planner's world, which simulates contacts, needs the planner's packages and the job in the table. If
+    one is missing, the name is that of the rehearsal, which draws widths from the table's statistics; then a
+    note on the console says so.
     """
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:

@@ -1,7 +1,7 @@
-"""Checks of `grasp-doctor`: each looks at one thing and states its result and the remedy.
+"""Checks of `grasp-doctor`: each checks one property of a cell, and yields findings with remedies.
 
-No check moves anything or writes to a device. The port's file, its owner and its driver's settings are read
-from /dev, /proc and /sys; the caller passes in how to open devices.
+No check moves anything or writes to a device. The checks of a serial port read /dev, /proc and /sys; the
+other checks receive opened devices.
 """
 
 import os
@@ -22,14 +22,14 @@ from runtime.table import Area, Calibration, Limits, Table, misfits
 ROOT = Path("/")  # folder of the system's files; tests use a folder of their own
 READS = 200
 READING_S = 10.0  # time after which slow readings end early
-LEAST_READS = 3  # least number of readings, where they are slow
+LEAST_READS = 3  # least number of readings, however slow they are
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
 USUAL_UNIT, USUAL_BAUD = 9, 115200
 PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-guide/devices.txt)
 
 
 class Verdict(Enum):
-    """Grade of a check's result."""
+    """Grade of a finding; a cell with a bad finding must not run."""
 
     GOOD = "good"
     WARNING = "warning"
@@ -37,7 +37,7 @@ class Verdict(Enum):
 
 
 class Finding(NamedTuple):
-    """Result of a check: a sentence, and unless GOOD a remedy."""
+    """Result of a check: a grade, a sentence, and a remedy unless the grade is GOOD."""
 
     verdict: Verdict
     sentence: str
@@ -48,7 +48,12 @@ good, warning, bad = (partial(Finding, verdict) for verdict in Verdict)
 
 
 def check_port(port: str, root: Path = ROOT) -> Iterator[Finding]:
-    """Checks whether a tty exists, may be opened, and is not held by another process."""
+    """Checks whether a serial port exists, may be opened, and is not open in another process.
+
+    Args:
+        port: path of the port.
+        root: folder in which `dev` and `proc` are.
+    """
     path = Path(port)
     if not path.exists():
         ttys = sorted(map(str, (root / "dev").glob("tty[UA][SC]*")))
@@ -79,7 +84,12 @@ def check_port(port: str, root: Path = ROOT) -> Iterator[Finding]:
 
 
 def check_latency(port: str, root: Path = ROOT) -> Iterator[Finding]:
-    """Checks the latency timer of an FTDI adapter."""
+    """Checks whether the latency timer of a port's FTDI adapter delays each exchange with the gripper.
+
+    Args:
+        port: path of the port.
+        root: folder in which `sys` is.
+    """
     name = Path(port).resolve().name
     timer = root / "sys/bus/usb-serial/devices" / name / "latency_timer"
     try:
@@ -98,7 +108,15 @@ def check_latency(port: str, root: Path = ROOT) -> Iterator[Finding]:
 
 
 def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
-    """Finds why a gripper does not answer: another slave id or baud rate, a loose plug, or no device."""
+    """Finds out why a Robotiq gripper does not answer at a port.
+
+    The finding says whether a device answers at another slave id or baud rate, answers again (a loose plug),
+    or does not answer at all.
+
+    Args:
+        port: path of the port.
+        scan: asks at a port for each slave id and baud rate, and yields the answers.
+    """
     for heard in scan(port):
         if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
             yield warning(
@@ -138,14 +156,20 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
 
 
 def check_model(gripper: Gripper) -> Iterator[Finding]:
-    """States which model the gripper is assumed to be."""
+    """States which model the gripper is taken for; yields one good finding."""
     known = gripper.profile
     stroke_mm, step_mm = known.stroke_um / 1000, known.resolution_um / 1000
     yield good(f"It is taken for a {known.model}: {stroke_mm:g} mm in steps of {step_mm:.2g} mm.")
 
 
 def failed(device: str, error: Exception, remedy: str) -> Finding:
-    """The finding for a device's error; a hint in the message, after its semicolon, replaces the remedy."""
+    """Makes a finding from an error with which a device failed to open or to answer.
+
+    Args:
+        device: name of the device for the sentence.
+        error: the error. If its message has a semicolon, the text after it is the remedy.
+        remedy: the remedy if the message has none.
+    """
     problem, _, hint = str(error).partition("; ")
     silent = isinstance(error, ConnectionError | TimeoutError)
     how = "does not answer" if silent else "cannot be opened"
@@ -153,7 +177,7 @@ def failed(device: str, error: Exception, remedy: str) -> Finding:
 
 
 def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:
-    """Measures how often the gripper can be read per second, and how evenly."""
+    """Checks how fast and how evenly the gripper can be read, with up to `READS` readings."""
     moments = [clock.now()]
     for _ in range(READS):
         gripper.state()
@@ -176,7 +200,7 @@ def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:
 
 
 def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
-    """Checks whether the arm reports its position, and is near the work area."""
+    """Reads the arm's position; if there is a table, checks whether the arm is near the table's work area."""
     x_mm, y_mm, z_mm, _ = arm.pose()
     yield good(f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
     if table is not None and not _is_near(x_mm, y_mm, table.limits):
@@ -187,7 +211,12 @@ def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
 
 
 def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
-    """Checks whether the table can be executed with the readings of this gripper."""
+    """Checks whether a table fits the widths that a gripper can read.
+
+    Args:
+        table: the table.
+        calibration: the gripper's calibration, or its nominal widths.
+    """
     problems = misfits(table, calibration)
     if problems:
         message = f"The table does not fit this gripper: {problems[0]}."
@@ -211,7 +240,14 @@ def _group(path: Path) -> str:
 
 
 def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
-    """Other processes that visibly have the device open, except the creator of a pseudo-terminal."""
+    """Finds the other processes that have a device open, as far as this user may see; yields id and name.
+
+    The process that created a pseudo-terminal, such as a simulated cell, is left out.
+
+    Args:
+        path: file of the device.
+        proc: the folder /proc.
+    """
     wanted = path.stat().st_rdev
     pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
     for folder in proc.glob("[0-9]*"):
@@ -226,7 +262,14 @@ def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
 
 
 def _made(folder: Path, pseudo: int) -> bool:
-    """Whether a process has the other end of a pseudo-terminal (Linux, drivers/tty/pty.c, fdinfo)."""
+    """Whether a process created a pseudo-terminal: it has the master's end open.
+
+    See fdinfo in Linux, drivers/tty/pty.c.
+
+    Args:
+        folder: the process' folder in /proc.
+        pseudo: minor number of the pseudo-terminal.
+    """
     lines = (entry.read_text().split() for entry in (folder / "fdinfo").iterdir())
     return any(words[-2:] == ["tty-index:", str(pseudo)] for words in lines)
 

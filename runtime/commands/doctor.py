@@ -1,4 +1,4 @@
-"""The command `grasp-doctor`: checks a cell before it runs, moves nothing, and names remedies."""
+"""The command `grasp-doctor`: checks a cell before it runs, and states remedies; moves nothing."""
 
 import argparse
 import json
@@ -53,8 +53,12 @@ def parser() -> Parser:
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs the checks, and prints a line for each finding, or all findings as one JSON object; returns 0.
 
+    Args:
+        arguments: the parsed command line.
+        drivers: opens the devices.
+
     Raises:
-        CheckFailedError: a check failed.
+        CheckFailedError: at least one finding is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     profile = _profile(arguments, table)
@@ -78,7 +82,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @contextmanager
 def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
-    """Yields the addresses of gripper and arm; for `--port sim` it starts a simulated cell for the check."""
+    """Context that yields the addresses of gripper and arm; the arm's address is None if there is no arm.
+
+    For `--port sim`, a simulated cell runs during the context.
+    """
     if arguments.port != SIMULATED:
         yield arguments.port, arguments.arm
         return
@@ -98,7 +105,16 @@ def findings(
     known: calibration.GripperCalibration | None,
     drivers: Drivers,
 ) -> Iterator[Finding]:
-    """Yields the findings of all checks; a check comes after the checks on which it depends."""
+    """Runs all checks and yields their findings; a check comes after the checks on which it depends.
+
+    Args:
+        port: address of the gripper.
+        arm_url: address of the arm; None: no arm.
+        table: the table that is to run; None: none.
+        profile: the gripper's expected profile; None: the driver's default.
+        known: the gripper's calibration; None: nominal widths.
+        drivers: opens the devices.
+    """
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
@@ -115,14 +131,17 @@ def findings(
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
-    """The profile of the table's gripper, else of the named model; None: the driver's default."""
+    """The gripper's profile: that of the table, else that of the model which `--gripper` names.
+
+    None if neither is given; the driver then has a default.
+    """
     if table is not None:
         return table.gripper.profile
     return None if arguments.gripper is None else profile_of(arguments.gripper)
 
 
 def _serial_port(port: str) -> str:
-    """The path of the serial port in a gripper's address; empty if there is none in the address."""
+    """Extracts the path of a serial port from a gripper's address; "" if the address has none."""
     if port.startswith(("can:", MANUAL)):
         return ""
     _, is_url, rest = port.partition("?")[0].rpartition("://")
@@ -149,7 +168,7 @@ def _gripper_findings(
         failed = doctor.failed("gripper", error, "Check power, cable and address.")
     if failed is not None:
         yield failed
-        if path == port:  # a Robotiq gripper's
+        if path == port:  # the address of a Robotiq gripper is only the path
             try:
                 yield from doctor.check_silence(port, drivers.scan)
             except OSError as error:

@@ -1,4 +1,4 @@
-"""The command `grasp-evidence`: signs the software of a cell, and verifies signatures."""
+"""The command `grasp-evidence`: signs a cell's table and calibration as a pack, and verifies packs."""
 
 import argparse
 import os
@@ -68,7 +68,14 @@ def parser() -> Parser:
 def _add_subcommand(
     subcommands: Commands, example: str, body: Body, purpose: str
 ) -> Callable[..., object]:
-    """Adds a subcommand that runs `body`; returns the method `add_argument` of its parser."""
+    """Adds a subcommand; returns the method `add_argument` of its parser.
+
+    Args:
+        subcommands: the subcommands of `grasp-evidence`.
+        example: a command line for --help, without the command's name.
+        body: function that the subcommand runs.
+        purpose: a phrase for --help.
+    """
     subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
@@ -133,7 +140,7 @@ def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
 
 
 def _signing_key(given: Path | None) -> keys.SigningKey:
-    """The key to sign with; the default one is created if missing."""
+    """Loads the private key from the file `given`; for None, loads or creates the default key."""
     path = given or _default_key()
     if given is not None or path.exists():
         return keys.load_private(path)
@@ -143,7 +150,7 @@ def _signing_key(given: Path | None) -> keys.SigningKey:
 
 
 def _default_key() -> Path:
-    """The default key's file; creates its folder, readable for its owner only."""
+    """Path of the default private key. Creates the key's folder, which only its owner may read."""
     home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     path = Path(home) / "squeezetree" / "signing-key.pem"
     try:
@@ -156,7 +163,7 @@ def _default_key() -> Path:
 
 
 def _versions() -> dict[str, str]:
-    """Versions for the pack: of squeezetree, Python and the base install's dependencies."""
+    """The versions of squeezetree, Python and the runtime's dependencies, by name, to state in a pack."""
     from importlib import metadata
 
     versions = {"squeezetree": VERSION, "python": sys.version.split()[0]}

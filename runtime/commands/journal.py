@@ -1,4 +1,4 @@
-"""The command `grasp-journal`: read, verify, replay and export what runs have written."""
+"""The command `grasp-journal`: shows, verifies, replays and exports the journals of runs."""
 
 import argparse
 import json
@@ -32,7 +32,8 @@ examples:
 
 {EXIT_CODES}"""
 VERIFIED = ("records", "runs", "segments", "closed", "head")
-HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}  # not shown in a record's line
+# fields that `show` leaves out of its lines
+HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 
 
@@ -153,7 +154,10 @@ def _entries(path: Path) -> Iterator[dict[str, object]]:
 
 
 def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[tuple[int, str], Entry]]:
-    """Yields each record with the numbers of its run and its part, since parts count from 1 in every run."""
+    """Yields each record with a key that identifies its part: the number of the run and that of the part.
+
+    The number of the part alone does not suffice, since each run counts its parts from 1.
+    """
     run = 0
     for entry in entries:
         run += begins_run(entry)
@@ -182,7 +186,7 @@ def _since(text: str) -> object:
 
 
 def _line(entry: Entry) -> str:
-    """A record as a line for people: number, time, kind, and the fields that are not in `HIDDEN`."""
+    """Writes a record as a line for people: number, time and kind, then all fields but those in `HIDDEN`."""
     shown = (f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN)
     return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {' '.join(shown)}"
 

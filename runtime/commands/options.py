@@ -1,4 +1,4 @@
-"""Derives the options of a run from the arguments of `grasp-runtime`, and refuses contradictions in them."""
+"""Checks the arguments of `grasp-runtime` for contradictions, and derives the options of a run from them."""
 
 import argparse
 from collections.abc import Iterator
@@ -17,11 +17,12 @@ from runtime.table import Table, job_of
 from runtime.traversal.answer import frames_of
 from runtime.traversal.decision import Policy
 
-PATIENCE = 200.0  # a person may take so much longer than an arm: about half an hour
+# factor on the deadlines of a motion that a person makes: about half an hour instead of an arm's seconds
+PATIENCE = 200.0
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
-    """Checks what argparse cannot check in the arguments.
+    """Checks that the arguments of `grasp-runtime` fit together, which argparse cannot check.
 
     Raises:
         UsageError: arguments contradict one another, or one is missing.
@@ -43,7 +44,7 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
 
 def _contradictions(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yields what is wrong with the arguments of a run whose devices this program moves."""
+    """Yields a sentence for each contradiction in the arguments, if this program moves the devices."""
     if arguments.network and arguments.plc is None:
         yield "--network is for --serve and --plc; leave it out, or name an address with one of them"
     if arguments.plc is None and (stated := plc_options(arguments)):
@@ -91,12 +92,12 @@ def _of_devices(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def plc_options(arguments: argparse.Namespace) -> list[str]:
-    """The options of `--plc opc.tcp` that were given."""
+    """The given options that are only for `--plc opc.tcp`, such as "--plc-trusted"."""
     return [option for option in given(arguments).values() if option.startswith("--plc-")]
 
 
 def views(arguments: argparse.Namespace) -> Views:
-    """Options of the run's status and live page, from --http, --takt, --shifts and --journal."""
+    """Builds the options of the run's status and live page from --http, --takt, --shifts and --journal."""
     return Views(arguments.http, arguments.takt, arguments.shifts, arguments.journal)
 
 
@@ -118,11 +119,11 @@ def run_options(
     Args:
         arguments: the parsed command line.
         table: the table that the run executes.
-        measured: calibration of the gripper; None takes its nominal widths.
+        measured: the gripper's calibration; None: the gripper's nominal widths hold.
 
     Raises:
-        InputError: a delivery's file or the job's delivery is refused.
-        UsageError: a policy, an arc or a delivery is not understood.
+        InputError: the file of `--deliver`, or the delivery in the table's job, is refused.
+        UsageError: `--on-reject`, `--on-unresolved`, `--tips` or `--deliver` cannot be understood.
     """
     handling = Handling(
         calibration=None if measured is None else measured.of(table.gripper.profile),
@@ -141,7 +142,7 @@ def run_options(
         policy,
         handling,
         place,
-        # A simulated gripper powers up in reset like a real one, and holds nothing real.
+        # A simulated gripper is inactive at first, as a real one is, and can drop no real part.
         activate=arguments.activate or arguments.port == SIMULATED,
         count=arguments.count or (None if arguments.serve or arguments.plc else 1),
         patience=PATIENCE if person else 1.0,
@@ -164,7 +165,7 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Places | None:
 
 
 def _is_manual(arguments: argparse.Namespace) -> bool:
-    """Whether a person makes the motions of the gripper or of the arm, by hand."""
+    """Whether a person makes the motions of the gripper or of the arm by hand (`manual`)."""
     devices = (arguments.port, arguments.arm)
     return any(device is not None and device.partition("+")[0] == MANUAL for device in devices)
 
@@ -172,10 +173,18 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 def arc_of(
     arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> TipArc | None:
-    """The arc of the finger tips: as `--tips` states, else as measured, else the arc of the gripper's model.
+    """Determines the arc on which the finger tips move while the jaws close.
 
-    None for tips that move straight, where a person is the gripper or the arm, and in a simulated cell unless
-    `--tips` states an arc.
+    The arc is that in `--tips`, else that in the calibration, else that of the gripper's model. The tips of a
+    simulated cell move straight unless `--tips` is given.
+
+    Args:
+        arguments: the parsed command line.
+        table: the table that the run executes.
+        measured: the gripper's calibration; None: no arc was measured.
+
+    Returns:
+        The arc; None if the tips move straight, or if a person is the gripper or the arm.
 
     Raises:
         UsageError: `--tips` cannot be read, or the model's arc has to be measured.

@@ -1,7 +1,4 @@
-"""`grasp-runtime --plc`: a PLC is the master of the cell, and requests each part (`tools/docs/plc.md`).
-
-Parts run as without a PLC, except that a trigger of the PLC starts each part.
-"""
+"""`grasp-runtime --plc`: runs a part at each trigger of a PLC, which is the master (`tools/docs/plc.md`)."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -35,10 +32,10 @@ if TYPE_CHECKING:
     from runtime.plc.opcua import Security
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
-WAKE_S = 2.0  # time between two notifications of the service manager
+WAKE_S = 2.0  # longest time between two notifications of the service manager's watchdog
 ENDING_S = 5.0  # time for a PLC to end the handshake of the last part
-FAREWELL_S = 3.0  # this time where a stop request or an error ends the run
-GLANCE_S = 1.0  # time for a PLC to read the last state
+FAREWELL_S = 3.0  # the same time if a stop request or an error ends the run
+GLANCE_S = 1.0  # time for a PLC to read the registers after the last handshake
 EXCLUDED = {
     "serve": "answers a robot that moves itself",
     "check": "moves nothing",
@@ -50,11 +47,11 @@ OF_ONE_TABLE = ("http", "audit")
 
 
 def check(arguments: argparse.Namespace) -> server.Address:
-    """Checks the options that `--plc` requires or excludes; returns the address to listen at.
+    """Checks that the other options are allowed with `--plc`; returns the address to listen at.
 
     Raises:
-        UsageError: the address is invalid, or reachable from other machines without permission; or an
-            option conflicts with several tables or with triggers.
+        UsageError: the address is invalid, or other machines reach it although `--network` is missing; or an
+            option is not allowed with `--plc` or with several tables.
     """
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
     excluded = EXCLUDED | dict.fromkeys(several, "needs the only table")
@@ -81,14 +78,14 @@ def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
 
 
 class ForPlc(Monitor):
-    """A monitor that also reports each part's result to the PLC, once it is in the journal."""
+    """A monitor that also reports each part's result to the PLC, after the result is in the journal."""
 
     def __init__(self, recipe: Recipe, views: Views, exchange: Exchange) -> None:
         super().__init__(recipe.console, recipe.loaded, recipe.path, views)
         self.recipe, self._exchange = recipe, exchange
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Receives the result of a part, and reports it to the PLC."""
+        """Passes the result of a part to the monitor's observers, then to the PLC."""
         super().part(result, seen)
         if self.recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
@@ -96,28 +93,28 @@ class ForPlc(Monitor):
 
 
 class PlcRun:
-    """Runs the parts that a PLC triggers; each change of the table starts a new run in the journal.
+    """Runs the parts that a PLC triggers; when the PLC selects another table, the journal gets a new run.
 
     Args:
-        monitors: one for each table, by the tables' numbers; the first has the views.
+        monitors: one for each table, in the order of `--tree`; only the first serves the live page.
         server: communicates with the PLC.
         url: address of the server.
     """
 
     def __init__(self, monitors: Sequence[ForPlc], server: PlcServer, url: str) -> None:
         self.recipes = [monitor.recipe for monitor in monitors]
-        self.monitor = monitors[0]  # the one with views
+        self.monitor = monitors[0]  # the monitor that serves the live page
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
         self._clock, self._url, self._count = server.clock, url, self.recipes[0].options.count
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
     def run(self, cell: Cell) -> int:
-        """Serves the PLC until all parts are done, an outcome ends the run or a stop request comes.
+        """Runs triggered parts until all are done, an outcome ends the run, or a stop is requested.
 
         Args:
-            cell: devices and records; the journal must already have the header of the first table. The scene
-                of a simulated cell has parts of the first table only.
+            cell: the devices and the journal. The journal must already have the header of the first table's
+                run. The scene of a simulated cell has parts of the first table only.
 
         Returns:
             The exit code.
@@ -135,7 +132,7 @@ class PlcRun:
                 with interrupts.stoppable():
                     stack.enter_context(self._server)
                 self.monitor.note(f"a PLC may connect at {self._url}")
-                # the fingers may sweep before the first part
+                # Not before the PLC enables triggers: the fingers may move when a run of parts begins.
                 while not self._exchange.glance.enabled:
                     if not self._ended_withdrawn(journal):
                         self._wait()
@@ -162,7 +159,12 @@ class PlcRun:
         return tally.exit_code
 
     def _numbers(self, table: int, journal: Journal) -> Iterator[int]:
-        """Yields the number of each triggered part, until the PLC selects another table or the run ends."""
+        """Yields a part's number at each trigger, until all parts are done or a trigger names another table.
+
+        Args:
+            table: number of the table of these parts.
+            journal: records the triggers.
+        """
         while self._parts != self._count:
             order = self._exchange.glance.order
             if order is None:
@@ -179,7 +181,11 @@ class PlcRun:
             yield self._parts
 
     def _ended_withdrawn(self, journal: Journal) -> bool:
-        """Answers a trigger with a fault if the PLC has withdrawn the enable; returns whether it did so."""
+        """If the PLC has switched `enable` off after its trigger, ends the triggered part with a fault.
+
+        Returns:
+            Whether a part was ended in this way.
+        """
         seen = self._exchange.glance
         if seen.order is None or seen.enabled:
             return False
@@ -188,17 +194,20 @@ class PlcRun:
         return True
 
     def _await_taken(self) -> None:
-        """Ignores further triggers; waits, after a stop only briefly, until the last result is taken."""
+        """Refuses further triggers, and waits until the PLC has taken the last result.
+
+        After a stop request the wait is limited to `FAREWELL_S`.
+        """
         self._exchange.end()
-        with suppress(KeyboardInterrupt):  # the error that ended the run has priority
+        with suppress(KeyboardInterrupt):  # the run is over: a stop request only ends the wait
             while self._exchange.glance.state in OPEN and not self._stopped:
                 self._wait()
             self._part_with(FAREWELL_S if self._stopped else ENDING_S)
 
     def _part_with(self, seconds: float) -> None:
-        """Waits at most `seconds` until a connected PLC has ended the handshake, then `GLANCE_S` more.
+        """Waits at most `seconds` until a connected PLC has ended the handshake.
 
-        In that time the PLC reads the end of the run.
+        Then waits `GLANCE_S` more, so that the PLC can read that the run has ended.
         """
         until = self._clock.now() + seconds
         while self._exchange.glance.state is not State.READY and self._left(until) > 0.0:
@@ -208,7 +217,7 @@ class PlcRun:
             self._wait(self._left(until))
 
     def _left(self, until: float) -> float:
-        """Seconds until the time `until` if a PLC is connected, else 0."""
+        """Seconds that are left until the clock shows `until`; 0 if no PLC is connected."""
         return until - self._clock.now() if self._exchange.connected else 0.0
 
     def _wait(self, seconds: float = inf) -> None:
@@ -219,7 +228,13 @@ class PlcRun:
 
 
 def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
-    """Journals an accepted trigger with the number of its part; None: the enable was withdrawn before."""
+    """Records an accepted trigger of a PLC in the journal.
+
+    Args:
+        journal: the journal.
+        order: what the trigger requests.
+        part: number of the part; None if no part runs, since the PLC has switched `enable` off.
+    """
     fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
     journal.record("trigger", fields)
 
@@ -227,13 +242,19 @@ def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Prepares the run for a PLC; connections to the address of `--plc` are refused until it begins.
+    """Prepares a run for a PLC: reserves the address of `--plc`, and builds the server.
 
-    The address is held until `stack` closes.
+    Until the run begins, connections to the address are refused.
+
+    Args:
+        arguments: the parsed command line.
+        recipes: the tables, in the order of `--tree`.
+        views: options of the status and the live page, for the first table's monitor.
+        stack: when it closes, the address is released.
 
     Raises:
         UsageError: the address is not available, or the tables are for different grippers.
-        InputError: a key or certificate of an OPC UA server is refused.
+        InputError: a key or a certificate for OPC UA is refused.
     """
     first = recipes[0]
     for recipe in recipes:
@@ -242,7 +263,7 @@ def opened(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
     address = check(arguments)
-    # What a PLC sent before the run begins would move the gripper late.
+    # Not listening yet: a trigger that a PLC sent now would move the gripper only when the run begins.
     listener = stack.enter_context(server.listening(address, "--plc", at_once=False))
     scheme = arguments.plc.partition("://")[0]
     digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
@@ -273,7 +294,10 @@ def _security(arguments: argparse.Namespace) -> "Security | None":
 
 
 def _offers(recipes: Sequence[Recipe]) -> Iterator[Offer]:
-    """Yields the tables for OPC UA, by file name; a number precedes a name that two tables have."""
+    """Yields the recipes that OPC UA clients can select, named by the files of their tables.
+
+    If two tables have the same file name, the number of the table precedes the name.
+    """
     names = [recipe.path.stem for recipe in recipes]
     for number, (name, recipe) in enumerate(zip(names, recipes, strict=True)):
         unique = name if names.count(name) == 1 else f"{number}-{name}"

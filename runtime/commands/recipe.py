@@ -1,4 +1,4 @@
-"""A recipe: a table that is valid and fits the cell, with the options of its run."""
+"""A recipe: a checked table with all that a run of it needs, such as the options of the run."""
 
 import argparse
 import hashlib
@@ -25,18 +25,22 @@ from runtime.table import PPM, Table, TableFile, load, misfits
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A table with its options and console, and its entries in the journal and the log of installations."""
+    """A table that fits the cell, with what a run of the table needs."""
 
-    path: Path
+    path: Path  # file of the table
     loaded: TableFile
     options: RunOptions
-    console: Console
-    header: Mapping[str, object]
-    software: Mapping[str, object]
+    console: Console  # shows the run's events
+    header: Mapping[str, object]  # fields for the run's header in the journal
+    software: Mapping[str, object]  # entry for the log of installed software
 
 
 def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
-    """Loads a table, validates it and checks that it fits the cell of the arguments.
+    """Loads and validates a table, and checks that it fits the cell which the arguments describe.
+
+    Args:
+        arguments: the parsed command line of `grasp-runtime`.
+        tree: file of the table.
 
     Raises:
         ExpectedError: the table is missing or damaged, or does not fit; each class has its `exit_code`.
@@ -98,12 +102,18 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
 def _installed(
     arguments: argparse.Namespace, tree: Path, loaded: TableFile, measured: CalibrationFile | None
 ) -> dict[str, object]:
-    """Entry of a run in the log of installed software: files, versions, and the signature that covers them.
+    """Builds a run's entry for the log of installed software: files, digests, versions and the signer.
+
+    Args:
+        arguments: the parsed command line.
+        tree: file of the table.
+        loaded: the table.
+        measured: the gripper's calibration; None: none is given.
 
     Raises:
         InputError: the key of `--require-signed` cannot be used.
-        PackError: no pack signed by that key vouches for table and calibration.
-        UsageError: the extra for signatures is missing.
+        PackError: no pack that is signed with this key holds the table and the calibration.
+        UsageError: the extra for signatures is not installed.
     """
     path, data = arguments.calibration, measured and measured.data
     signer: dict[str, object] = {"signer": None, "fingerprint": None, "pack_sha256": None}

@@ -1,4 +1,4 @@
-"""The command `grasp-runtime`: runs parts by a table, checks it, or puts down a held part."""
+"""The command `grasp-runtime`: runs parts by a table, checks the table, or puts down a held part."""
 
 import argparse
 import json
@@ -34,11 +34,14 @@ if TYPE_CHECKING:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Runs a table by the parsed arguments; returns the exit code of the parts.
+    """Does what the command line asks for: a run of parts, or an option in its stead, such as `--check`.
 
     Args:
         arguments: the command line, parsed by `arguments.parser`.
         drivers: opens the devices.
+
+    Returns:
+        The exit code: after a run, that of the worst part.
 
     Raises:
         Exception: any error of this package or of a device; each has its `exit_code`.
@@ -63,25 +66,25 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """One call of `grasp-runtime` with its table; `stack` closes everything that the call opens."""
+    """One call of `grasp-runtime`: its methods do what the arguments ask for."""
 
     arguments: argparse.Namespace
-    recipe: Recipe
+    recipe: Recipe  # the table, the first if there are several
     drivers: Drivers
-    stack: ExitStack
+    stack: ExitStack  # closes everything that the call opens
 
     def execute(self) -> int:
         """Runs the parts, or puts down what the fingers hold; returns the exit code.
 
-        Before the run begins in the journal, looks for a broken run, connects, and makes all checks that may
-        refuse the run.
+        First looks in the journal for a run that broke off, connects to the devices, and makes all checks
+        that may refuse the run. Only then the journal records that the run begins.
         """
         arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)
         plc = None if arguments.plc is None else self._plc()
         recipes = (self.recipe,) if plc is None else plc.recipes
-        # Opened first, since it may be refused: everything below closes before it and is watched
-        # until then.
+        # The live page is opened first, since its address may be refused. It closes last, so that it shows
+        # the run to its end.
         monitor = self.stack.enter_context(self._monitor() if plc is None else plc.monitor)
         journal, begun = self._look_back(clock)
         incidents = Incidents()
@@ -89,7 +92,7 @@ class _Asked:
         for recipe in recipes:
             delivery, middle_mm = recipe.options.delivery, recipe.options.handling.middle_mm
             carry.check(delivery, recipe.loaded.table, devices.arm, middle_mm)
-        # Refused now instead of later: a refused run leaves no record and no file.
+        # Checked before the run is recorded: a refused run leaves no record and no new file.
         if begun is None or begun.part is None:
             holds = self._holds(devices, journal)
             if arguments.put_down and holds is None:
@@ -109,7 +112,7 @@ class _Asked:
         return tally.exit_code
 
     def _plc(self) -> "PlcRun":
-        """Prepares the run that a PLC triggers: binds the address, loads the further tables for it."""
+        """Prepares a run for a PLC: loads the other tables, and reserves the address of `--plc`."""
         from runtime.commands import plc  # with a server, which no other run has to load
 
         arguments = self.arguments
@@ -117,7 +120,7 @@ class _Asked:
         return plc.opened(arguments, (self.recipe, *others), views(arguments), self.stack)
 
     def serve(self) -> int:
-        """Answers a robot, part after part, and journals this as a run; moves no device."""
+        """Answers a robot that squeezes parts itself, and records this as a run; returns the exit code."""
         from runtime.commands import serve  # with a server, which no other run has to load
         from runtime.execution.asked import AskedParts, check_asked
         from runtime.monitoring.live.server import listening
@@ -139,7 +142,10 @@ class _Asked:
         return tally.exit_code
 
     def check(self) -> int:
-        """Prints that the table fits the gripper, and reads the gripper if a port is given; moves nothing."""
+        """Prints what was checked of the table, and if a port is given, the gripper's width; returns 0.
+
+        Moves nothing. A table that does not fit has been refused before.
+        """
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         record: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "its nominal widths"
@@ -162,7 +168,7 @@ class _Asked:
         return 0
 
     def dry_run(self) -> int:
-        """Prints what a run would send to the devices; connects over links that cannot write."""
+        """Prints what a run would send to the devices; returns 0. The links to the devices cannot write."""
         devices, recipe = self._connect(Incidents().record), self.recipe
         table, options = recipe.loaded.table, recipe.options
         lines = list(dry_run.tell(table, devices.gripper, devices.arm, options))
@@ -186,9 +192,16 @@ class _Asked:
     def _begin(
         self, journal: Journal, begun: Replay | None, monitor: Monitor, recipes: Sequence[Recipe]
     ) -> None:
-        """Records that the run begins, or that a broken one continues.
+        """Records in the journal that a run begins, or that a run which broke off continues.
 
-        From then on stop requests raise only in stoppable code, so that the run gets its last record.
+        From then on a stop request raises only in `stoppable` code, so that the run always gets its last
+        record.
+
+        Args:
+            journal: the journal.
+            begun: the run to continue; None: a new run begins.
+            monitor: notifies the service manager that the run begins.
+            recipes: the tables of the run.
         """
         self.stack.enter_context(interrupts.whole())
         monitor.ready()
@@ -198,13 +211,15 @@ class _Asked:
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
     def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
-        """Opens an existing journal; returns it, and its last run if that broke off and is to be continued.
+        """Opens the journal if it exists, and looks whether its last run broke off.
 
-        The first is None without a journal, the second without such a run.
+        Returns:
+            The journal, None if there is none yet; and the run to continue, None if there is none.
 
         Raises:
             JournalError: the journal cannot be opened, or does not verify.
-            BrokenRunError: the last run broke off, and may not be continued; with --put-down a note says so.
+            BrokenRunError: the last run broke off, and may not be continued. With --put-down this is only a
+                note on the console.
         """
         arguments = self.arguments
         if not files.exists(arguments.journal):
@@ -225,7 +240,10 @@ class _Asked:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
     def _holds(self, devices: Devices, journal: Journal | None) -> held.Held | None:
-        """Returns what the fingers may hold before a run; None if they hold nothing.
+        """Looks whether the fingers may hold something before a run; checks that the gripper can move.
+
+        Returns:
+            What the fingers may hold; None if they hold nothing.
 
         Raises:
             GripperStateError: the fingers may hold something, and neither --put-down nor --jaws-empty is
@@ -243,7 +261,7 @@ class _Asked:
         return holds
 
     def _auditor(self, devices: Devices) -> AuditProcess | None:
-        """Starts the auditor of `--audit`, if given, and checks that it can judge."""
+        """Starts the program of `--audit`, and checks that it can judge parts; None without this option."""
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
@@ -266,7 +284,7 @@ class _Asked:
 
 
 def _believed(table: Table) -> str:
-    """States which values of the table were compared with its job, and which were not."""
+    """States in a sentence which values of a table were compared with its job, and which were not."""
     figures = "whether its figures are right only an evaluation tells: plan-evaluate"
     if table.job is None:
         compared = "its heights, limits and poses were compared with nothing"

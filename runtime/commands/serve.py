@@ -1,8 +1,8 @@
-"""The server of `grasp-runtime --serve`: answers the lines of one robot at a time, in the run's thread.
+"""The server of `grasp-runtime --serve`: answers the lines of one robot at a time.
 
-A second robot gets an error and is disconnected. A client is disconnected, too, if it sends half a line,
-sends a line before the last answer, or does not read its answers. Nothing blocks longer than `PATIENCE_S`,
-except waiting for the next line.
+A second robot gets an error and is disconnected. The first robot is disconnected if it sends only a part of
+a line, sends a line before it has the last answer, or does not read its answers. The server works in the
+run's thread. Except for the wait for the next line, nothing takes longer than `PATIENCE_S`.
 """
 
 import argparse
@@ -21,18 +21,18 @@ from runtime.shell import interrupts
 from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome
 
-PATIENCE_S = 5.0  # time for the rest of a line, the reading of an answer, or a disconnect
-MOST_LEAVING = 8  # connections whose last message may still be unread
-# A robot that lost power is detected after 5 + 3 x 3 s without an answer; then the next one may
-# connect.
+# time for a client to send the rest of a line, to read an answer, or to disconnect
+PATIENCE_S = 5.0
+MOST_LEAVING = 8  # most connections that wait for their client to disconnect
+# A connection to a robot without power is closed after 5 + 3 x 3 s; then another robot may connect.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 3, socket.TCP_KEEPCNT: 3}
 
 
 def check(arguments: argparse.Namespace) -> server.Address:
-    """Checks the options that `--serve` requires or excludes; returns the address to listen at.
+    """Checks that the other options are allowed with `--serve`; returns the address to listen at.
 
     Raises:
-        UsageError: the address is invalid, or reachable from other machines without permission; or an
+        UsageError: the address is invalid, or other machines reach it although `--network` is missing; or an
             option is about devices, which the robot moves itself.
     """
     for name, option in given(arguments).items():
@@ -44,17 +44,20 @@ def check(arguments: argparse.Namespace) -> server.Address:
 
 
 class RobotServer:
-    """Answers the clients of a listening socket, which it closes after the last part or at a stop request."""
+    """Serves robots that connect to a listening socket, until all parts are done or a stop is requested."""
 
     def __init__(self, listener: socket.socket, parts: AskedParts, clock: SystemClock) -> None:
         self._listener, self._parts, self._clock = listener, parts, clock
         self._robot: socket.socket | None = None
         self._read = b""  # received part of a line
         self._line_s = 0.0  # deadline for the rest of the line
-        self._leaving: dict[socket.socket, float] = {}  # deadlines for the others to disconnect
+        # connections that wait for their client to disconnect, each with its deadline
+        self._leaving: dict[socket.socket, float] = {}
 
     def serve(self) -> None:
-        """Serves clients until no part follows; then a client gets a message, and its part ends with the run.
+        """Answers robots until no part follows; at the end, disconnects the robot and closes the socket.
+
+        A part that is not finished ends with the run.
 
         Raises:
             KeyboardInterrupt: a stop request between two parts.
@@ -78,7 +81,10 @@ class RobotServer:
             self._close()
 
     def _wait(self) -> list[socket.socket]:
-        """Waits until sockets are readable, and returns them; none at a deadline, or after `PATIENCE_S`."""
+        """Waits until sockets can be read, and returns these sockets.
+
+        The wait ends at the next deadline, or after `PATIENCE_S`; then the list is empty.
+        """
         sockets = [self._listener, *self._leaving]
         ends = list(self._leaving.values())
         if self._robot is not None:
@@ -119,7 +125,7 @@ class RobotServer:
             self._robot, self._read = robot, b""
 
     def _hear(self) -> None:
-        """Receives data, and answers a complete line."""
+        """Receives bytes from the robot, and answers when a line is complete."""
         assert self._robot is not None
         try:
             piece = self._robot.recv(4096)
@@ -146,7 +152,7 @@ class RobotServer:
             self._hang_up(None)
 
     def _hang_up(self, number: int | None) -> None:
-        """Disconnects the robot and aborts its current part.
+        """Disconnects the robot, if there is one, and gives up its unfinished part.
 
         Args:
             number: number of the error to send before disconnecting; None: no error.
@@ -159,10 +165,14 @@ class RobotServer:
         self._parts.give_up(Outcome.ABORTED, message)
 
     def _part_with(self, robot: socket.socket, number: int | None) -> None:
-        """Sends the error of this number, if any, and notes that the client shall disconnect.
+        """Begins to disconnect a client: sends an error, and then only waits for the client to disconnect.
 
-        The connection is closed later, when the client has disconnected or `PATIENCE_S` has passed: closed at
-        once, it could lose the error.
+        The connection is closed when the client has disconnected, or after `PATIENCE_S`. If it were closed at
+        once, the client might not receive the error.
+
+        Args:
+            robot: the client's connection.
+            number: number of the error to send; None: no error.
         """
         if len(self._leaving) >= MOST_LEAVING:
             self._dismiss(next(iter(self._leaving)), late=True)
@@ -173,7 +183,12 @@ class RobotServer:
             robot.shutdown(socket.SHUT_WR)
 
     def _dismiss(self, robot: socket.socket, *, late: bool) -> None:
-        """Closes the connection of a client that has disconnected, or is `late` to do so."""
+        """Closes a connection if its client has disconnected.
+
+        Args:
+            robot: the client's connection.
+            late: whether to close it even if the client has not disconnected.
+        """
         with contextlib.suppress(OSError):
             if not late and robot.recv(4096):
                 return

@@ -1,6 +1,6 @@
-"""The command `squeezetree`: a common entry point to all commands, ordered by a user's day.
+"""The command `squeezetree`: its subcommands are all programs of this package, in the order of their use.
 
-A subcommand calls the entry point of another program, so that nothing is loaded for the others.
+A subcommand calls the entry point of its program; the other programs are not loaded.
 """
 
 import argparse
@@ -17,11 +17,11 @@ NAME = "squeezetree"
 
 
 class Program(NamedTuple):
-    """A command of this package that a subcommand of `squeezetree` runs."""
+    """An installed program that a subcommand of `squeezetree` runs."""
 
-    name: str  # name as installed
-    purpose: str  # its purpose
-    before: tuple[str, ...] = ()  # arguments that come before the user's
+    name: str  # name of the program
+    purpose: str  # what the subcommand is for
+    before: tuple[str, ...] = ()  # arguments that precede the user's arguments
 
 
 GROUPS: dict[str, dict[str, Program]] = {
@@ -56,7 +56,7 @@ GROUPS: dict[str, dict[str, Program]] = {
         "identify": Program("plan-identify", "how a part slides, from pushes"),
         "refit": Program("plan-refit", "what is off in a cell, from its journals"),
     },
-}  # by subject, in the order of a user's day
+}  # the programs by subject and subcommand, in the order of their use
 PROGRAMS = {word: program for group in GROUPS.values() for word, program in group.items()}
 
 EPILOG = f"""\
@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> Parser:
-    """Builds the parser of `squeezetree`; a subcommand's own arguments are left to its program."""
+    """Builds the parser of `squeezetree`; each program parses the arguments of its subcommand itself."""
     text = f"{_described()}\n{NAME} COMMAND --help tells more."
     built = Parser(prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG, description=text)
     built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")
@@ -94,7 +94,7 @@ def parser() -> Parser:
 
 
 def _described() -> str:
-    """All subcommands, each with its program and purpose."""
+    """The text of --help that lists all subcommands, each with its purpose and its program."""
     lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
@@ -109,8 +109,13 @@ def _overview(_: argparse.Namespace) -> int:
 
 
 def _call(program: Program, rest: list[str]) -> int:
-    """Runs a program as if called by its name."""
-    # an option of the program would take --help for its value
+    """Runs a program in this process, as if it were called by its name; returns the exit code.
+
+    Args:
+        program: the program.
+        rest: the user's arguments after the subcommand.
+    """
+    # Before --help, an option such as --serve is left out, which would take --help for its value.
     asks = bool({"-h", "--help"} & set(rest))
     before = [word for word in program.before if not (asks and word.startswith("-"))]
     sys.argv = [program.name, *before, *rest]

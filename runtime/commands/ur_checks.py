@@ -1,4 +1,4 @@
-"""Checks of a UR controller: its open ports reveal common problems of the gripper's URCap."""
+"""Checks of a UR controller for `grasp-doctor`: open ports show common problems of the gripper's URCap."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -7,15 +7,16 @@ from urllib.parse import urlsplit
 from runtime.commands.checks import Finding, bad, good, warning
 
 RTDE, SCRIPTS, DASHBOARD = 30004, 30002, 29999
-GRIPPER, FORWARDER = 63352, 54321  # Robotiq's URCap; what forwards the tool connector's RS-485
-USUAL = {"urcap": GRIPPER, "ur": RTDE}  # by the scheme of an address
+# ports of Robotiq's URCap, and of the URCap that forwards the tool connector's RS-485
+GRIPPER, FORWARDER = 63352, 54321
+USUAL = {"urcap": GRIPPER, "ur": RTDE}  # default port by the scheme of an address
 LOOK_S = 1.0
 
 Accepts = Callable[[str, int], bool]
 
 
 def accepts(host: str, port: int) -> bool:
-    """Whether a connection to the port is accepted; nothing is sent."""
+    """Whether a host accepts a connection to a TCP port; nothing is sent."""
     try:
         with socket.create_connection((host, port), timeout=LOOK_S):
             return True
@@ -24,7 +25,12 @@ def accepts(host: str, port: int) -> bool:
 
 
 def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> Iterator[Finding]:
-    """Checks which ports are open on each UR controller that the addresses of gripper and arm name."""
+    """Checks each UR controller that the addresses name: which of its ports are open; yields findings.
+
+    Args:
+        addresses: the addresses of gripper and arm.
+        listens: whether a host accepts a connection to a port.
+    """
     seen = set()
     for address in addresses:
         try:

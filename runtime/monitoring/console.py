@@ -1,4 +1,4 @@
-"""Output of a run: one line a squeeze, one a part, one at the end; or one JSON object a part."""
+"""Prints what happens in a run: lines for people, or one JSON object for each part."""
 
 import json
 import sys
@@ -15,17 +15,17 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Lines(Console):
-    """Plain lines for people, on standard output."""
+    """A console that prints lines for people: one for each squeeze and each part, and one at the end."""
 
     def __init__(self, table: Table) -> None:
         self._table, self._frames = table, answer.frames_of(table)
 
     def note(self, sentence: str) -> None:
-        """Prints a sentence."""
+        """Prints a sentence as a line."""
         say(sentence)
 
     def step(self, part: int, step: Step) -> None:
-        """Prints the commanded pose, the width read and the node reached."""
+        """Prints a line for a squeeze: its node, the hand's pose, the width, and the node or leaf reached."""
         place = pose_text(placement(step.squeeze))
         say(
             f"part {part} squeeze {step.number}: node {step.node}, hand at {place}; "
@@ -33,7 +33,10 @@ class Lines(Console):
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Prints leaf, predicted pose, success probability, and the true error if known."""
+        """Prints a line for a part's result: outcome, leaf, predicted pose, success in the table's trials.
+
+        If the true pose is known, the line also states the true error.
+        """
         message = f"part {result.part}: {result.outcome.name}"
         if (leaf := result.leaf_of(self._table)) is not None:
             success = (
@@ -56,13 +59,13 @@ class Lines(Console):
         say(message)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Prints counts of outcomes, parts within the goal, mean squeezes, and the journal's path."""
+        """Prints a line for the whole run: parts by outcome and within the goal, mean squeezes, journal."""
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
         say(f"{parts}: {', '.join(_totals(tally, self._table.goal))}; journal {journal}")
 
 
 class Objects(Console):
-    """One complete JSON object a part on standard output; messages go to standard error."""
+    """A console that prints one JSON object for each part on standard output, and notes on standard error."""
 
     def __init__(self, table: Table, journal: Path) -> None:
         self._table = table
@@ -80,7 +83,14 @@ class Objects(Console):
 def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
-    """The result of one part in the form of JSON, with the true pose if known; units are in the names."""
+    """The result of a part in the form of JSON; the names of the fields state their units.
+
+    Args:
+        table: the table by which the part was located.
+        result: the part's result.
+        seen: the part's true pose and name, if known; else None.
+        journal: path of the run's journal.
+    """
     leaf, fields = result.leaf_of(table), result.fields()
     del fields["phases"]
     return {
@@ -102,7 +112,10 @@ def as_object(
 
 
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
-    """Poses of the drawing's datum and of the picks on a located part; empty if the job names no datum."""
+    """The fields with the poses of the drawing's datum and of the picks, on a part that ended at a leaf.
+
+    There are no fields if the part ended at no leaf, or if its job names no datum.
+    """
     frames = answer.frames_of(table)
     leaf = result.leaf_of(table)
     if leaf is None or frames[leaf.hypothesis].datum is None:
@@ -112,7 +125,7 @@ def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
 
 
 def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
-    """Names of the part as identified and as it truly is; empty if the table is for a single part."""
+    """The fields with the predicted and the true name of a part; none for a table of a single part."""
     if not table.hypotheses:
         return {}
     said = None if leaf is None else table.name_of(leaf)
@@ -157,7 +170,7 @@ def _sentences(result: PartResult) -> list[str]:
 
 
 def _expected_error(leaf: Leaf) -> dict[str, float] | None:
-    """Median and 95th percentile of the error of the leaf's trials [mm]; None without trials."""
+    """Median and 95th percentile of the error in the trials that ended at a leaf, mm; None without trials."""
     errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
     return errors_mm if leaf.trials else None
 

@@ -14,12 +14,12 @@ from runtime.shell.command import sentence_of
 from runtime.table import TableFile
 from runtime.traversal.results import Outcome, PartResult, Step
 
-FAREWELL_S = 1.0  # time for a page to poll once more, and learn how the run ended
-SENT_S = 0.1  # time for the last answer to be sent
+FAREWELL_S = 1.0  # time for a page in a browser to request the status once more after the run's end
+SENT_S = 0.1  # time for the response to be sent
 
 
 class Views(NamedTuple):
-    """Options of a run's status and of its live page."""
+    """Options of a run's status and of the run's live page."""
 
     http: str | None = None  # address of the live page, `HOST:PORT`
     takt_s: float | None = None  # time within which a part should be done
@@ -28,10 +28,10 @@ class Views(NamedTuple):
 
 
 class Monitor(Console):
-    """A console that also updates the status and notifies the service manager.
+    """Passes the events of a run to a console, to the run's status and to the service manager.
 
-    As a context it serves the live page if `Views.http` names an address; only then it loads the modules of
-    the page.
+    Used as a context, the monitor also serves the live page if `Views.http` names an address. Only then the
+    page's modules are loaded.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Monitor(Console):
         self._stack = ExitStack()
 
     def ready(self) -> None:
-        """Notifies the service manager that the devices answer and the run begins."""
+        """Notifies the service manager that the devices have answered and that the run begins."""
         notify("READY=1")
 
     def note(self, sentence: str) -> None:
@@ -54,10 +54,10 @@ class Monitor(Console):
         self._console.note(sentence)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """Records a change of phase, and notifies the watchdog; called from the loop's thread.
+        """Records a change of phase in the status, and notifies the service manager's watchdog.
 
-        A loop that hangs in a device sends no notification, and the service manager ends it; so
-        `WatchdogSec` has to be longer than the longest phase.
+        The run's own thread calls this. If the run hangs in a device, no notification is sent, and the
+        service manager ends the process. So `WatchdogSec` has to be longer than the longest phase.
         """
         self._status.phase(part, phase, node)
         where = "" if node is None else f", node {node}"
@@ -69,12 +69,12 @@ class Monitor(Console):
         self._console.step(part, step)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Passes a part to the status and the console."""
+        """Passes the result of a part to the status and the console."""
         self._status.part(result)
         self._console.part(result, seen)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Passes the sums of the run to the status and the console."""
+        """Passes the totals of the run to the status and the console, at the run's end."""
         self._status.end(*ended(tally))
         self._console.summary(tally, journal)
 
@@ -104,9 +104,9 @@ class Monitor(Console):
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
     def _say_goodbye(self) -> None:
-        """Waits up to `FAREWELL_S` until a page that is open in a browser has read how the run ended.
+        """If a page is open in a browser, waits up to `FAREWELL_S` until the page has read how the run ended.
 
-        Without this the page could not distinguish the end from a lost connection.
+        Without the wait the page could not distinguish the run's end from a lost connection.
         """
         watched = self._status.watched
         if not watched.is_set():
@@ -117,7 +117,7 @@ class Monitor(Console):
 
 
 def ended(tally: Tally) -> tuple[str, str]:
-    """Grade of how a run ended ("good", "fair" or "poor") and a sentence, for `Status.end`."""
+    """Describes how a run ended, for `Status.end`: a grade ("good", "fair" or "poor") and a sentence."""
     count, located = tally.parts, tally.outcomes[Outcome.LEAF]
     figures = f"{count} part{'s' * (count != 1)}, {located} located"
     if tally.outcomes[Outcome.FAULT] or tally.outcomes[Outcome.ABORTED]:
@@ -128,14 +128,14 @@ def ended(tally: Tally) -> tuple[str, str]:
 
 
 def notify(*lines: str) -> None:
-    """Sends lines to systemd (sd_notify(3)), if a service manager started the process."""
+    """Sends lines such as "READY=1" to the service manager (sd_notify(3)), if it started this process."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address.startswith(("/", "@")):
         return
-    # A leading @ stands for the zero byte of Linux' abstract names.
+    # A leading @ stands for the zero byte with which Linux' abstract socket names begin.
     name = "\0" + address[1:] if address.startswith("@") else address
     kind = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC
     with suppress(OSError), socket.socket(socket.AF_UNIX, kind) as channel:
-        channel.setblocking(False)  # does not wait for a manager that hangs
+        channel.setblocking(False)  # does not wait for a service manager that hangs
         channel.connect(name)
         channel.sendall("\n".join(lines).encode())

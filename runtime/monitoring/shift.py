@@ -1,4 +1,4 @@
-"""Figures of a shift: yield, seconds against the takt, and the costliest losses."""
+"""Figures of a shift: good parts, seconds a part compared with the takt, and the most frequent losses."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,24 +14,26 @@ SHOWN_LOSSES = 6
 
 
 class Loss(NamedTuple):
-    """A group of parts lost in the same way after equally many squeezes; details are of the latest part."""
+    """A group of parts that were lost in the same way after the same number of squeezes."""
 
-    kind: str  # an outcome, "audit" or "delivery"
+    kind: str  # how the parts were lost: an outcome, "audit" or "delivery"
     squeeze: int  # number of squeezes before the loss
-    node: int | None  # node of the last squeeze; None without one
-    width_mm: float | None  # width read there
-    reason: str
-    part: int  # number of the latest such part
-    parts: int  # number of such parts
+    node: int | None  # node of the latest part's last squeeze; None without a squeeze
+    width_mm: float | None  # width that was read at this squeeze; None if unknown
+    reason: str  # reason for the latest part's loss; "" if unknown
+    part: int  # number of the latest part of the group
+    parts: int  # number of parts in the group
 
 
 class Shift:
-    """Counts since the latest change of shift, or since the run began if later.
+    """Counts the parts of the present shift: good parts, their seconds, and losses.
+
+    The counts begin at the latest change of shift, or at the start of the run if that is later.
 
     Args:
         changes: hours of the day at which shifts change, local time.
-        takt_s: seconds within which a part should be done.
-        clock: gives the time of day.
+        takt_s: time within which a part should be done, s; None: no takt.
+        clock: tells the time of day; None: the system's clock.
     """
 
     def __init__(
@@ -57,11 +59,15 @@ class Shift:
         self._count(result.fields(), None if last is None else last.width_um / 1000)
 
     def recall(self, journal: Path, table_sha256: str) -> None:
-        """Counts the parts that earlier runs of the table ended in this shift.
+        """Adds the parts of earlier runs of the same table in this shift, as the journal records them.
 
-        Reads only the current file of the journal, not its sealed segments.
+        Reads only the current file of the journal, not the sealed segments.
+
+        Args:
+            journal: path of the journal.
+            table_sha256: digest of the table's file.
         """
-        # Stops at the first line that is no record; the journal is verified when the run opens it.
+        # Stops at the first line that is no record. The journal is verified later, when the run opens it.
         with suppress(OSError, ValueError, KeyError, TypeError):
             for record in _outcomes(journal, table_sha256):
                 ended = self._clock.local_of(str(record["time"]))
@@ -70,7 +76,12 @@ class Shift:
                     self._since = min(self._since, ended)
 
     def _count(self, part: Mapping[str, Any], width_mm: float | None) -> None:
-        """Counts a part's end, given as fields of its journal record."""
+        """Counts a part that has ended.
+
+        Args:
+            part: fields of the part's outcome, as in the journal.
+            width_mm: width that was read at the part's last squeeze; None if unknown.
+        """
         seconds, kind, path = part["seconds"], _kind(part), part["path"]
         self._parts += 1
         if seconds:
@@ -86,7 +97,7 @@ class Shift:
         self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
 
     def as_object(self) -> dict[str, object]:
-        """The counts in the form of JSON; `losses` lists the groups of lost parts, the largest first."""
+        """The counts in the form of JSON; `losses` lists the largest groups of lost parts, largest first."""
         self._renew()
         losses = sorted(self._losses.values(), key=lambda loss: -loss.parts)[:SHOWN_LOSSES]
         timed = self._timed
@@ -102,7 +113,7 @@ class Shift:
 
 
 def _kind(part: Mapping[str, Any]) -> str | None:
-    """Returns how a part was lost; None if the part was not lost."""
+    """Returns how a part was lost (an outcome, "audit" or "delivery"); None if the part was not lost."""
     if part["outcome"] != Outcome.LEAF.value:
         return str(part["outcome"])
     if part["audit"] == "fail":
@@ -111,7 +122,12 @@ def _kind(part: Mapping[str, Any]) -> str | None:
 
 
 def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
-    """Yields the records of kind `outcome` of the runs with a table."""
+    """Yields the records of kind `outcome` in a journal, from the runs with a given table.
+
+    Args:
+        journal: path of the journal.
+        table_sha256: digest of the table's file.
+    """
     same = False
     with journal.open("rb") as file:
         for line in file:

@@ -1,4 +1,4 @@
-"""Status of a run: one snapshot, as a JSON object or as Prometheus text."""
+"""The status of a run, as a JSON object for the live page or as text for Prometheus."""
 
 import threading
 from collections import Counter, deque
@@ -16,7 +16,7 @@ RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
-    """State of a run; the run's loop updates it, and any thread may read it."""
+    """What a run has done so far and does now. The run's thread updates it, and any thread may read it."""
 
     def __init__(self, name: str, loaded: TableFile, shift: Shift) -> None:
         self._name, self._loaded, self._shift = name, loaded, shift
@@ -24,7 +24,7 @@ class Status:
         self._drift, self._refit = Drift(loaded.table), False
         self._predicted = loaded.table.predicted.success_ppm / PPM
         self._end: dict[str, str] | None = None
-        self.watched = threading.Event()  # set whenever a page received the snapshot
+        self.watched = threading.Event()  # set whenever a page in a browser receives the status
         self._lock = threading.Lock()
         self._phase, self._part, self._squeezes = Phase.IDLE, 0, 0
         self._node: int | None = None
@@ -65,17 +65,23 @@ class Status:
                 self._audits[result.audit] += 1
 
     def end(self, grade: str, sentence: str) -> None:
-        """Records the run's end: grade "good" where nobody has to do anything, else "fair" or "poor"."""
+        """Records how the run ended.
+
+        Args:
+            grade: "good" if nobody has to do anything, else "fair" or "poor".
+            sentence: how the run ended.
+        """
         with self._lock:
             self._end = {"grade": grade, "sentence": sentence}
 
     def as_object(self) -> dict[str, Any]:
-        """The snapshot in the form of JSON.
+        """The status in the form of JSON.
 
-        `steps` are the squeezes of the current part, or of the last one until the next begins; a target >=
-        0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
-        of a located part is its pose. `shift` holds the counts of `Shift`, `charts` the figures of `Drift`;
-        `end` is null during the run.
+        `steps` lists the squeezes of the current part; until the next part begins, those of the last part.
+        The `target` of a step is a node if it is 0 or more, the leaf ~target if it is negative, and null
+        after a reject. `recent_parts` lists the last parts, the latest at the end; their `answer` is the pose
+        of a located part. `shift` holds the counts of `Shift`, and `charts` the figures of `Drift`. `end` is
+        null during the run.
         """
         with self._lock:
             return {
@@ -99,7 +105,7 @@ class Status:
             }
 
     def as_metrics(self) -> str:
-        """The snapshot in Prometheus' text format 0.0.4."""
+        """The status in Prometheus' text format 0.0.4."""
         with self._lock:
             outcomes = {outcome.value: self._outcomes[outcome] for outcome in Outcome}
             phases = {phase.value: int(phase is self._phase) for phase in Phase}
@@ -122,7 +128,13 @@ def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
 
 
 def _metric(name: str, help_text: str, values: dict[str, float]) -> str:
-    """The lines of a metric: a counter if its name ends in `_total`, as is usual, else a gauge."""
+    """Writes the lines of a metric in Prometheus' text format.
+
+    Args:
+        name: name of the metric. A name that ends in `_total` is that of a counter, else of a gauge.
+        help_text: what the metric is.
+        values: the values by their labels.
+    """
     name, kind = f"squeezetree_{name}", "counter" if name.endswith("_total") else "gauge"
     lines = [f"# HELP {name} {help_text}", f"# TYPE {name} {kind}"]
     lines += [f"{name}{labels} {value:g}" for labels, value in values.items()]

@@ -1,1 +1,1 @@
-"""Pages for a browser: one frame, one stylesheet, one set of charts. Standard library only."""
+"""What all HTML pages share: a frame, a stylesheet and charts. Imports only the standard library."""

@@ -1,30 +1,30 @@
-"""Charts as HTML: marks are SVG, which scales with the page; labels are text, which does not."""
+"""Draws charts as HTML: their lines and bars as SVG, which scales with the page, and their labels as text."""
 
 from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
-MOST_POINTS = 1200  # most points that are drawn of a line
-APART = 9.0  # least distance of two labels under a histogram, percent of its width
+MOST_POINTS = 1200  # most points that are drawn for a line
+APART = 9.0  # least distance of two labels of a histogram, percent of the histogram's width
 
 
 class Line(NamedTuple):
-    """A named series of values, one for each step."""
+    """A line of a chart: a name and a value for each step."""
 
     name: str
-    values: Sequence[float]
+    values: Sequence[float]  # in the order of the steps
 
 
 class Bar(NamedTuple):
-    """A named amount with its text."""
+    """A bar of a bar chart."""
 
     name: str
-    amount: float
-    text: str
+    amount: float  # length of the bar
+    text: str  # the amount as it is written beside the bar
 
 
 class Band(NamedTuple):
-    """A named interval of a histogram's axis."""
+    """A named and shaded interval of a histogram's axis."""
 
     low: float
     high: float
@@ -32,13 +32,13 @@ class Band(NamedTuple):
 
 
 def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str) -> str:
-    """Line chart of series over steps, with limits as dashed lines.
+    """Draws a line chart over numbered steps, with limits as dashed horizontal lines; returns HTML.
 
     Args:
         label: description for screen readers.
-        lines: the series, from the first step on.
+        lines: the lines, each with its values from the first step on.
         limits: values of the limits.
-        step: name of a step, for the axis.
+        step: what a step is, such as "squeeze"; a label of the axis.
     """
     values = [value for line in lines for value in line.values]
     if not values:
@@ -65,7 +65,12 @@ def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str)
 
 
 def bars(label: str, rows: Sequence[Bar]) -> str:
-    """Bar chart of amounts; the largest has full width."""
+    """Draws a bar chart; returns HTML. The bar of the largest amount has the full width.
+
+    Args:
+        label: caption of the chart.
+        rows: the bars, from the top down.
+    """
     most = max((row.amount for row in rows), default=0.0) or 1.0
     lines = (
         f'<tr><th scope="row">{escape(row.name)}</th><td>{escape(row.text)}</td><td class="amount">'
@@ -83,13 +88,13 @@ def histogram(
     span: tuple[float, float],
     unit: str,
 ) -> str:
-    """Histogram of values, drawn over shaded and named intervals of the axis.
+    """Draws a histogram of values over shaded intervals of the axis; returns HTML.
 
     Args:
         label: description for screen readers.
-        counts: values and their counts; heights are square roots of the counts.
-        bands: the shaded intervals; names without room are left out.
-        span: ends of the axis.
+        counts: pairs of a value and its count; the drawn height is the square root of the count.
+        bands: the shaded intervals; a name for which there is no room is left out.
+        span: the lowest and the highest value of the axis.
         unit: unit of the values.
     """
     low, high = span
@@ -113,10 +118,10 @@ def histogram(
 
 
 def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
-    """Thins values to `MOST_POINTS` at most, for drawing.
+    """Reduces a line to at most `MOST_POINTS` points for drawing.
 
     Returns:
-        For each stretch of values, the value farthest from zero, with its index.
+        Pairs of an index and a value: of each group of consecutive values, the value farthest from zero.
     """
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))
@@ -125,7 +130,11 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
 
 
 def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:
-    """Returns the position (percent of the span) and name of each band, without names that would overlap."""
+    """Places the names of bands below a histogram's axis; leaves out names that would overlap.
+
+    Returns:
+        Pairs of a position (percent of the span) and a name.
+    """
     shown: list[tuple[float, str]] = []
     low, high = span
     for band in sorted(bands):

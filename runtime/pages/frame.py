@@ -1,4 +1,7 @@
-"""The frame of all pages: a head that forbids loading from a network, the stylesheet, cards and tables."""
+"""Builds HTML pages and their elements: cards with figures, tables, verdicts, folded sections.
+
+The head of each page holds the stylesheet, and forbids the browser to load anything from a network.
+"""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -12,7 +15,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 @cache
 def asset(name: str) -> str:
-    """The text of a file that pages share: their head, a stylesheet or a script."""
+    """Reads a file of this folder that pages share: the head, a stylesheet or a script; returns its text."""
     return (FOLDER / name).read_text("utf-8")
 
 
@@ -30,11 +33,11 @@ def page(
 
     Args:
         title: title of the window.
-        body: HTML.
-        kind: class of the body: "sheet" prints small.
-        style: CSS of this page only, after the common one.
-        data: object for the script, as JSON in the element `data`.
-        script: JavaScript, which may use the functions of `elements.js`.
+        body: HTML of the page's content.
+        kind: CSS class of the body; "sheet" is for pages to print in small type.
+        style: further CSS, after the common stylesheet.
+        data: object for the script, which finds it as JSON in the element `data`; None: no data.
+        script: JavaScript of the page, which may use the functions of `elements.js`.
         policy: further directives of the Content-Security-Policy.
     """
     rules = [POLICY, *(["script-src 'unsafe-inline'"] if script else []), *filter(None, [policy])]
@@ -52,13 +55,19 @@ def page(
 
 
 def verdict(grade: str, sentence: str, lead: str = "") -> str:
-    """HTML of a sentence in the style of its `grade` ("good", "fair" or "poor"), after a bold `lead`."""
+    """Returns the HTML of a sentence that judges something.
+
+    Args:
+        grade: "good", "fair" or "poor"; determines the colour.
+        sentence: the sentence.
+        lead: text in bold before the sentence.
+    """
     strong = f"<strong>{escape(lead)}</strong> " if lead else ""
     return f'<p class="verdict {grade}">{strong}{escape(sentence)}</p>'
 
 
 def cards(figures: Iterable[tuple[str, str, str]]) -> str:
-    """HTML of key figures in large letters; each figure is a name, a value and a note."""
+    """Returns the HTML of key figures in large letters; each figure is a name, a value and a note."""
     items = (
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
         f'<dd class="note">{escape(note)}</dd></div>'
@@ -70,13 +79,13 @@ def cards(figures: Iterable[tuple[str, str, str]]) -> str:
 def table(
     label: str, heads: Sequence[str], rows: Iterable[Iterable[str]], kind: str = "wide"
 ) -> str:
-    """A table that scrolls by itself if it is wider than the page.
+    """Returns the HTML of a table, which scrolls by itself if it is wider than the page.
 
     Args:
         label: description for screen readers.
-        heads: heads of the columns; the first cell of each row is the row's head.
-        rows: texts, one a cell.
-        kind: class of the surrounding element.
+        heads: heads of the columns.
+        rows: for each row the texts of its cells; the first is the head of the row.
+        kind: CSS class of the surrounding element.
     """
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     return "\n".join(
@@ -95,6 +104,11 @@ def _row(cells: Iterable[str]) -> str:
 
 
 def folded(summary: str, *content: str) -> str:
-    """HTML that shows only a summary until the reader unfolds the content."""
+    """Returns HTML that shows only a summary until the reader unfolds the content.
+
+    Args:
+        summary: text of the summary.
+        content: pieces of HTML.
+    """
     inner = "\n".join(content)
     return f"<details><summary>{escape(summary)}</summary>\n{inner}\n</details>"

@@ -1,1 +1,1 @@
-"""A PLC as the master of the cell: its handshake, and servers for Modbus TCP and OPC UA."""
+"""Lets a PLC be the master of the cell: a handshake for each part, and servers for Modbus TCP and OPC UA."""

@@ -1,6 +1,7 @@
-"""The address space of an OPC UA server: objects, variables and methods by their paths below `VisionSystem`.
+"""The address space of the OPC UA server: objects, variables and methods below the object `VisionSystem`.
 
-Node identifiers are the paths, with dots in place of slashes, so that clients can use them without browsing.
+Each of these nodes has a path below `VisionSystem`. The node's identifier is this path with dots in place of
+slashes, so that clients need not browse for it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -25,13 +26,19 @@ Arguments = tuple[ua.Argument, ...]
 
 
 def argument(name: str, kind: ua.VariantType, *, many: bool = False) -> ua.Argument:
-    """Describes an input or output argument of a method; with `many` it is an array."""
+    """Describes an input or output argument of an OPC UA method.
+
+    Args:
+        name: name of the argument.
+        kind: type of the value.
+        many: whether the argument is an array of such values.
+    """
     rank, dimensions = (1, [0]) if many else (-1, [])
     return ua.Argument(name, ua.NodeId(kind.value), rank, dimensions)
 
 
 class AddressSpace:
-    """The nodes of `VisionSystem`, and their values."""
+    """The OPC UA nodes below `VisionSystem`; `show` updates the values that clients see."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -39,7 +46,7 @@ class AddressSpace:
         self._shown: dict[str, Value] = {}
 
     async def build(self, values: Iterable[tuple[str, Value]]) -> None:
-        """Creates the nodes: the two state machines, and a variable for each value."""
+        """Creates the two state machines, and a variable for each pair of a path and a value."""
         self._index = await self._server.register_namespace(NAMESPACE)
         for machine in (MACHINE, AUTOMATIC):
             await self._add_machine(machine)
@@ -54,7 +61,12 @@ class AddressSpace:
         )
 
     async def show(self, values: Iterable[tuple[str, Value]], change: Change | None) -> None:
-        """Writes the values that have changed, and sends clients an event if the state has changed."""
+        """Writes the values that have changed, and sends an event to clients.
+
+        Args:
+            values: all values, each with its path.
+            change: the change of the displayed state, for the event; None: no event.
+        """
         for path, value in values:
             if self._shown[path] != value:
                 await self._write(path, value)
@@ -71,10 +83,17 @@ class AddressSpace:
     async def add_method(
         self, path: str, call: Callable[..., Any], inputs: Arguments, outputs: Arguments
     ) -> None:
-        """Adds a method, which asyncua calls with the object's id, then variants."""
+        """Adds a method that clients can call.
+
+        Args:
+            path: path of the method.
+            call: function that asyncua calls with the object's id and the arguments as variants.
+            inputs: descriptions of the input arguments.
+            outputs: descriptions of the output arguments.
+        """
         parent = await self._at(_above(path))
         node = await parent.add_method(*self._ids(path), call, [*inputs], [*outputs])
-        if _above(path) == AUTOMATIC:  # offered by the outer machine, too
+        if _above(path) == AUTOMATIC:  # the outer state machine offers the method, too
             await self._nodes[MACHINE].add_reference(node, ua.ObjectIds.HasComponent)
 
     async def _write(self, path: str, value: Value) -> None:
@@ -92,7 +111,7 @@ class AddressSpace:
         node = await self._at(machine, STATE_MACHINE)
         for name in ("CurrentState", "LastTransition"):
             self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
-        # Like a finite state machine, whose type asyncua cannot instantiate.
+        # As in a FiniteStateMachineType, which asyncua cannot instantiate, the id is a NodeId.
         state_id = await node.get_child(["0:CurrentState", "0:Id"])
         kind = ua.Variant(ua.NodeId(ua.VariantType.NodeId.value), ua.VariantType.NodeId)
         await state_id.write_attribute(ua.AttributeIds.DataType, ua.DataValue(kind))
@@ -105,7 +124,12 @@ class AddressSpace:
             await state_number.write_value(number, ua.VariantType.UInt32)
 
     async def _at(self, path: str, kind: ua.NodeId | None = None) -> Node:
-        """Returns the object at a path ("": the vision system); creates it, of type `kind`, if missing."""
+        """Returns the object at a path; creates a missing object.
+
+        Args:
+            path: path of the object; "" is `VisionSystem` itself.
+            kind: OPC UA type of a new object; None: the base type.
+        """
         if path not in self._nodes:
             parent = await self._at(_above(path)) if path else self._server.nodes.objects
             every = kind is STATE_MACHINE  # its LastTransition is optional

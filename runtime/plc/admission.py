@@ -1,4 +1,4 @@
-"""asyncua's server with access control: who may connect, what a session may do, and when it has ended."""
+"""Adds access control to asyncua's server: who may connect, what a client may do, and when a session ends."""
 
 import asyncio
 import socket
@@ -15,22 +15,22 @@ from asyncua.server.internal_session import InternalSession
 
 from runtime.plc.certificates import Trust
 
-SESSION_S = 10.0  # silence after which a session ends
+SESSION_S = 10.0  # a session ends after so many seconds without a request
 PATIENCE_S = 5.0  # time for a connection to begin a session
 MOST_CONNECTIONS = 16
 MOST_SUBSCRIPTIONS = 64
 MOST_MESSAGE_BYTES = 1 << 20
-NOBODY = User(role=UserRole.Anonymous)  # a client until its session is activated
+NOBODY = User(role=UserRole.Anonymous)  # the user of a session that is not yet activated
 
-# The session whose method is being called.
+# The session whose client is calling a method.
 caller: ContextVar["Session"] = ContextVar("caller")
 
 
 class ListeningServer(Server):
-    """asyncua's server on an already listening socket."""
+    """asyncua's server, changed to use a socket that listens already."""
 
     async def listen(self, listener: socket.socket) -> None:
-        """Starts the server as `Server.start` does, but on the given socket instead of a new one."""
+        """Starts the server on a given socket; `Server.start` would open a new socket."""
         await self._setup_server_nodes()
         await self.iserver.start()
         host, port = listener.getsockname()[:2]
@@ -43,10 +43,10 @@ class ListeningServer(Server):
 
 
 class GuardedServer(InternalServer):
-    """asyncua's internal server with access control.
+    """asyncua's internal server with access control and with limits.
 
     Args:
-        trust: decides which clients are admitted; None: all are.
+        trust: decides which clients may connect; None: any client may.
         ended: called with each session that has ended.
     """
 
@@ -61,17 +61,20 @@ class GuardedServer(InternalServer):
     def create_session(self, name: str, user: User = NOBODY, **_external: bool) -> "Session":
         """Creates a session that ends with its connection.
 
-        A session of asyncua's own class may outlive its connection; then any channel may enter it by its
-        number, which can be guessed.
+        A session of asyncua's own class may outlive its connection. Then a client on another connection could
+        take the session over, since its number can be guessed.
         """
         return Session(self, self.aspace, self.subscription_service, name, user=user)
 
     def register_server(self, *_: Any) -> None:
-        """Refuses the service: this is no discovery server, and the client is not authenticated yet."""
+        """Refuses the service RegisterServer, which is for discovery servers only.
+
+        asyncua would answer this request before the client is authenticated.
+        """
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
     def get_user(self, *_: Any, certificate: Any = None, **_names: Any) -> User:
-        """Admits a client as a user who may read and call methods, but not change the address space.
+        """Admits a client; returns a user who may read and call methods, but not change the address space.
 
         Args:
             certificate: the client's certificate; the secure channel has proved that the client holds its
@@ -86,12 +89,12 @@ class GuardedServer(InternalServer):
 
 
 class Session(InternalSession):
-    """A client's session; while the client calls methods, the context variable `caller` holds it."""
+    """The session of a client; when the session ends, it calls the server's `ended`."""
 
     iserver: GuardedServer
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Calls methods; meanwhile the context variable `caller` holds this session."""
+        """Calls methods for the client; meanwhile the context variable `caller` holds this session."""
         token = caller.set(self)
         try:
             results: list[ua.CallMethodResult] = await super().call(params)
@@ -100,6 +103,6 @@ class Session(InternalSession):
             caller.reset(token)
 
     async def close_session(self, delete_subs: bool = True) -> None:
-        """Ends the session and reports its end to the server."""
+        """Ends the session, and calls the server's `ended`."""
         await super().close_session(delete_subs)
         self.iserver.ended(self)

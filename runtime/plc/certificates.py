@@ -1,7 +1,8 @@
-"""Certificates for an OPC UA server: the server's, self-signed and created once, and the trusted clients'.
+"""Certificates for an OPC UA server: that of the server, and those of the trusted clients.
 
-A client's certificate must be the pinned one, or one of a folder; its dates and its issuer are not checked.
-The secure channel proves that the client holds the key.
+The server's certificate is self-signed and is created once. A client's certificate must be equal to that of
+the first client, or to one in a folder. Its dates and its issuer are not checked. The secure channel proves
+that the client holds the certificate's key.
 """
 
 import socket
@@ -20,13 +21,13 @@ from runtime.shell.files import OutputError, bring_to_disk, folder, quoted, read
 from runtime.signing.keys import OTHERS, write_new
 
 KEY, CERTIFICATE, PINNED = "server.pem", "server.der", "client.der"
-DAYS = 7300  # the life of a cell; an expired certificate would stop it at midnight
+DAYS = 7300  # the life of a cell: a certificate that expires stops the cell
 MOST_BYTES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The server's private key and its certificate, which names the application by `uri`."""
+    """The server's private key and its certificate; `uri` is the application's URI in the certificate."""
 
     key: RSAPrivateKey
     certificate: x509.Certificate
@@ -34,12 +35,12 @@ class Identity:
 
 
 def identity_in(place: Path) -> Identity:
-    """The server's identity from a folder; creates one if there is none.
+    """Reads the server's key and certificate from a folder; creates both if the folder has neither.
 
     Raises:
         OutputError: the folder or its files cannot be written.
-        InputError: one of the two files is missing, cannot be read or holds something else, or others may
-            read the key.
+        InputError: only one of the two files exists, a file cannot be read or holds something else, or other
+            users may read the key.
     """
     key_at, certificate_at = place / KEY, place / CERTIFICATE
     if not (key_at.exists() or certificate_at.exists()):
@@ -68,11 +69,12 @@ def _refused(content: str, file: Path) -> InputError:
 
 
 class Trust:
-    """The trusted clients: those with a certificate in a folder, or only the first one to connect.
+    """Decides which clients are trusted: those with a certificate in a folder, or only the first to connect.
 
     Args:
-        pinned: the file for the certificate of the first client.
-        trusted: a folder of certificates (.der, .pem, .crt) in place of the first client's.
+        pinned: file in which the first client's certificate is kept.
+        trusted: folder of the trusted clients' certificates (.der, .pem, .crt); None: the first client to
+            connect is trusted.
 
     Raises:
         UsageError: the folder has no certificates.
@@ -90,13 +92,14 @@ class Trust:
     def admits(self, certificate: bytes | None) -> bool:
         """Whether a client with this certificate may connect.
 
-        Without a folder of trusted certificates, the first certificate is pinned, and no other is admitted.
+        Without a folder of trusted certificates, the first certificate is written to the file `pinned`; from
+        then on only this certificate is admitted.
         """
         if certificate is None:
             return False
         if self._known is None:
-            # Nothing is pinned if the disk is full or this is no single certificate; another server
-            # may have pinned first.
+            # Nothing is pinned if the disk is full, or if this is not exactly one certificate. The file
+            # exists if another server has pinned a certificate meanwhile.
             with suppress(OutputError, InputError, ValueError):
                 x509.load_der_x509_certificate(certificate)
                 if not self._pinned.exists():
@@ -107,7 +110,7 @@ class Trust:
 
 
 def parsed(path: Path) -> x509.Certificate:
-    """Parses a certificate file, in DER or PEM.
+    """Reads a certificate from a file in DER or PEM.
 
     Raises:
         InputError: the file cannot be read, or holds no certificate.
@@ -135,7 +138,7 @@ def _der(path: Path) -> bytes:
 
 
 def _make(place: Path) -> None:
-    """Writes a new key and its certificate."""
+    """Creates the server's key and self-signed certificate, and writes them to the folder `place`."""
     key, host = cert_gen.generate_private_key(), socket.gethostname()
     uri = f"urn:{host}:squeezetree:grasp-runtime"
     certificate = cert_gen.generate_self_signed_app_certificate(

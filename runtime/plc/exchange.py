@@ -1,4 +1,4 @@
-"""The exchange between the server's thread and the run: a station behind a lock."""
+"""The exchange: passes orders and answers between a PLC's server, in a thread of its own, and the run."""
 
 import queue
 import threading
@@ -12,20 +12,20 @@ from runtime.plc.station import Answer, Glance, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
-TURNED_OVER = ", turned over"  # suffix of a hypothesis for a part on its other face
+TURNED_OVER = ", turned over"  # suffix of a hypothesis' name, for a part that lies turned over
 _NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVED: "unresolved"}
 
 
 class Exchange:
-    """A station with a lock, for use by the server's thread and by the run's thread.
+    """A PLC's station with a lock, so that the server's thread and the run's thread can both use it.
 
     Args:
-        station: the station.
-        clock: a clock of real time, for the heartbeats and the deadlines of servers.
+        station: the PLC's registers and handshake.
+        clock: a clock of real time, for the heartbeats and for the servers' deadlines.
 
     Attributes:
-        watch: function called with each new visible state of the station (`Glance`), in order, by the thread
-            that caused it; the function must not block.
+        watch: function that is called with each new visible state of the station (`Glance`), in order. The
+            thread that changes the state calls the function, which must not block.
         connected: whether there is a client that may write.
     """
 
@@ -35,26 +35,32 @@ class Exchange:
         self._seen = station.glance
         self.watch: Callable[[Glance], None] = lambda _: None
         self.connected = False
-        # Used instead of a condition: a stop request may end the wait, and must not leave a lock
-        # behind.
+        # A queue, not a condition variable: a stop request may end the wait, and must leave no lock behind.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     # -- the server's side ----------------------------------------------------------------------------
 
     def read(self, address: int, count: int) -> list[int] | Refusal:
-        """Reads registers, see `Station.read`."""
+        """Reads registers for a client; returns their words or a refusal, see `Station.read`."""
         with self._step() as station:
             return station.read(address, count, self.clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
-        """Writes registers and wakes the run, see `Station.write`."""
+        """Writes registers for a client and wakes the run; returns a refusal or None, see `Station.write`."""
         with self._step() as station:
             refusal = station.write(address, values, self.clock.now())
         self._wake()
         return refusal
 
     def put(self, *steps: Mapping[str, int]) -> Glance:
-        """Writes registers in uninterrupted steps (`Station.put`); returns the state after them."""
+        """Writes registers in several steps, between which no other thread writes; wakes the run.
+
+        Args:
+            steps: for each step, the values by register name (see `Station.put`).
+
+        Returns:
+            The station's state after the last step.
+        """
         with self._lock:
             for changes in steps:
                 self._station.put(changes, self.clock.now())
@@ -69,10 +75,7 @@ class Exchange:
             station.confirm()
 
     def disconnect(self) -> None:
-        """Disables triggers after a lost connection, and notes that no client may write.
-
-        See `Station.disconnect`.
-        """
+        """Notes that the client that might write has left: disables triggers, see `Station.disconnect`."""
         with self._step() as station:
             station.disconnect()
         self.connected = False
@@ -82,17 +85,17 @@ class Exchange:
 
     @property
     def glance(self) -> Glance:
-        """The station's visible state, see `Station.glance`."""
+        """A snapshot of the station's state, see `Station.glance`."""
         with self._lock:
             return self._station.glance
 
     def wait(self, seconds: float) -> None:
-        """Waits until the PLC writes something, for `seconds` at most."""
+        """Waits until the PLC writes something or disconnects, for `seconds` at most."""
         with suppress(queue.Empty):
             self._news.get(timeout=max(seconds, 0.0))
 
     def finish(self, answer: Answer) -> None:
-        """Ends the current part, if there is one, and presents its answer, see `Station.finish`."""
+        """Ends the part under way, if any, and shows its answer, see `Station.finish`."""
         with self._step() as station:
             if station.order is not None:
                 station.finish(answer)
@@ -104,7 +107,7 @@ class Exchange:
 
     @contextmanager
     def _step(self) -> Iterator[Station]:
-        """Context that locks and yields the station, then calls `watch` if the visible state has changed."""
+        """Context that locks the station and yields it, and calls `watch` if the state changes meanwhile."""
         with self._lock:
             yield self._station
             self._look()
@@ -120,7 +123,7 @@ class Exchange:
 
 
 def answer_of(table: Table, result: PartResult) -> Answer:
-    """Converts a part's result to the units of the registers."""
+    """Converts the result of a part to the values of the PLC's registers."""
     outcome = OUTCOMES.index(_NAMES.get(result.outcome, "fault"))
     seconds = nan if result.seconds is None else result.seconds
     leaf = result.leaf_of(table)
@@ -137,13 +140,13 @@ def _error(leaf: Leaf, error_um: int) -> int:
 
 
 def parts_of(table: Table) -> list[str]:
-    """Names of the parts, in the job's order; empty for a single part."""
+    """Names of the parts that a table distinguishes, in the job's order; empty for a single part."""
     names = (hypothesis.name.removesuffix(TURNED_OVER) for hypothesis in table.hypotheses)
     return list(dict.fromkeys(names))
 
 
 def _part_and_face(table: Table, leaf: Leaf) -> tuple[int, int]:
-    """Index of the part in the job, and the face on which it lies."""
+    """Returns the index in the job of the part that a leaf names, and the face: 0 as drawn, 1 turned over."""
     if not table.hypotheses:
         return 0, 0
     name = table.hypotheses[leaf.hypothesis].name

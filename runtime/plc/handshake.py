@@ -1,6 +1,7 @@
-"""The handshake of a part with a PLC: one table, from a state and an event to the next state.
+"""The handshake with a PLC for each part, as a state machine: trigger, result, acknowledgement.
 
-The module is independent of registers, sockets and clocks. `tools/docs/plc.md` shows the same table.
+`TABLE` maps each state and event to the next state; `tools/docs/plc.md` shows the same table. The module does
+not use registers, sockets or clocks.
 """
 
 from collections.abc import Mapping
@@ -9,20 +10,20 @@ from typing import NamedTuple
 
 
 class State(Enum):
-    """State of the handshake; the value is its name in the documentation."""
+    """State of the handshake; the value is the state's name in the documentation."""
 
     READY = "ready"  # waits for a trigger
-    ACCEPTED = "accepted"  # a part is under way, `trigger` still up
-    WORKING = "working"  # a part is under way
-    PRESENTED = "presented"  # a result waits, `trigger` still up
-    WAITING = "waiting"  # a result waits
+    ACCEPTED = "accepted"  # a part is under way, `trigger` is still up
+    WORKING = "working"  # a part is under way, `trigger` is down
+    PRESENTED = "presented"  # a result waits, `trigger` is still up
+    WAITING = "waiting"  # a result waits, `trigger` is down
     TAKEN = "taken"  # the result is taken; `trigger` and `result_acknowledge` still up
     TRIGGER_HELD = "trigger held"  # the result is taken; `trigger` still up
     ACKNOWLEDGE_HELD = "acknowledge held"  # the result is taken; `result_acknowledge` still up
 
 
 class Event(Enum):
-    """Event of the handshake; the value is its name in the documentation."""
+    """Event of the handshake; the value is the event's name in the documentation."""
 
     TRIGGER = "trigger rises"
     TRIGGER_DISABLED = "trigger rises, not enabled"
@@ -35,7 +36,7 @@ class Event(Enum):
 
 
 class Error(IntEnum):
-    """Errors of the handshake: values of the register `error_id`, which also holds exit codes of faults."""
+    """Errors of the handshake, as values of the register `error_id`; the register also holds exit codes."""
 
     NONE = 0
     NOT_ENABLED = 101
@@ -48,7 +49,7 @@ class Error(IntEnum):
 
 
 class Signals(NamedTuple):
-    """Signals that a PLC sees in a state."""
+    """Levels of the handshake's three signals to the PLC, in a state."""
 
     acknowledge: bool
     busy: bool
@@ -56,7 +57,7 @@ class Signals(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Result of an event: the next state and an error. An event with an error leaves the state unchanged."""
+    """Result of an event: the next state, and an error. If there is an error, the state does not change."""
 
     following: State
     error: Error = Error.NONE
@@ -89,8 +90,8 @@ _CHANGES = {
     (State.TRIGGER_HELD, Event.TRIGGER_BACK): State.READY,
     (State.TRIGGER_HELD, Event.ACKNOWLEDGE): State.TAKEN,
     (State.ACKNOWLEDGE_HELD, Event.ACKNOWLEDGE_BACK): State.READY,
-    # A PLC that leaves `result_acknowledge` up may start the next part, whose result only the next
-    # rise takes.
+    # A PLC may start the next part with `result_acknowledge` still up. It takes the next result only when
+    # it lowers the signal and raises it again.
     (State.ACKNOWLEDGE_HELD, Event.TRIGGER): State.ACCEPTED,
 }
 

@@ -1,8 +1,8 @@
-"""A Modbus TCP server for one PLC and any number of readers, in a separate thread.
+"""A Modbus TCP server, in a separate thread: one client, the PLC, may write, and any number may read.
 
-pymodbus decodes requests, checks them and encodes the answers. Its server is not used: it does not identify
-connections, and drops what a client sends before it has an answer. So this module serves the connections, and
-splits what they send into frames.
+pymodbus decodes the requests, checks them and encodes the answers. The server of pymodbus is not used: it
+does not distinguish connections, and it drops a request that arrives before the last request is answered. So
+this module serves the connections, and splits the received bytes into frames.
 """
 
 import asyncio
@@ -20,25 +20,27 @@ from runtime.plc.exchange import Exchange
 from runtime.plc.server import PlcServer
 from runtime.plc.station import Refusal
 
-# transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
+# transaction, protocol, number of bytes that follow (Modbus TCP guide 3.1.3)
 HEADER = struct.Struct(">HHH")
 LONGEST = 254  # greatest length that a header may state: a unit and a PDU of 253 bytes
 PATIENCE_S = 5.0  # time for the rest of a frame
-PANEL_S = 10.0  # time after which a first client that only reads lets another one write
+# if the writer has written nothing for this time since it connected, another client may become the writer
+PANEL_S = 10.0
 MOST_CONNECTIONS = 16
 PIECE_BYTES = 1024
 MOST_UNREAD_BYTES = 1 << 16  # most bytes of answers that a client does not read
-# A PLC that lost power is detected after 3 + 3 x 1 s; then the next one may write.
+# A connection to a PLC without power is closed after 3 + 3 x 1 s; then another client may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
-BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # access to coils and discrete inputs: there are none
-# Lengths of the supported PDUs; None: variable.
+# functions that access coils and discrete inputs, of which there are none
+BIT_FUNCTIONS = frozenset({1, 2, 5, 15})
+# Lengths of the requests (PDU) of the supported functions; None: variable.
 LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # any client could fill the log
 
 
 class ModbusServer(PlcServer):
-    """Serves an exchange on a listening socket."""
+    """The Modbus TCP server: lets clients read and write the registers of an exchange's station."""
 
     def __init__(self, listener: socket.socket, exchange: Exchange) -> None:
         super().__init__(exchange)
@@ -47,10 +49,10 @@ class ModbusServer(PlcServer):
         self._writer: Connection | None = None
 
     def enter(self, connection: "Connection") -> bool:
-        """Registers a connection, which becomes the writer if there is none.
+        """Registers a new connection; if no connection may write, this one may from now on.
 
         Returns:
-            False if there are too many connections.
+            Whether the connection was registered; False if there are too many.
         """
         if len(self._connections) >= MOST_CONNECTIONS:
             return False
@@ -60,7 +62,7 @@ class ModbusServer(PlcServer):
         return True
 
     def leave(self, connection: "Connection") -> None:
-        """Removes a connection; if it was the one that may write, reports the PLC as disconnected."""
+        """Removes a connection; if it is the one that may write, notes that the PLC has disconnected."""
         if connection in self._connections:
             self._connections.remove(connection)
         if self._writer is connection:
@@ -68,10 +70,10 @@ class ModbusServer(PlcServer):
             self.exchange.disconnect()
 
     def may_write(self, connection: "Connection") -> bool:
-        """Whether a connection that is about to write may do so: only one, the writer, may.
+        """Whether a connection may write: only one connection, the writer, may.
 
-        The connection becomes the writer if there is none, or if the writer has been connected for
-        more than `PANEL_S` and never wrote.
+        The asking connection becomes the writer if there is none, or if the present writer has been connected
+        for more than `PANEL_S` and never wrote.
         """
         writer, panel_since_s = self._writer, self.clock.now() - PANEL_S
         if writer is None or (not writer.has_written and writer.began_s < panel_since_s):
@@ -83,7 +85,7 @@ class ModbusServer(PlcServer):
         self.exchange.connected = True
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """Serves until `stop`, see `PlcServer.serve`."""
+        """Serves clients until `stop` is set, see `PlcServer.serve`."""
         loop = asyncio.get_running_loop()
         server = await loop.create_server(lambda: Connection(self), sock=self._listener)
         self.started.set()
@@ -94,7 +96,7 @@ class ModbusServer(PlcServer):
 
 
 class Connection(asyncio.BufferedProtocol):
-    """The connection of one client; also the register store that pymodbus' requests read and write."""
+    """The connection of one client; decoded requests of pymodbus read and write registers through it."""
 
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
@@ -106,7 +108,7 @@ class Connection(asyncio.BufferedProtocol):
         self.began_s = server.clock.now()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Registers the new connection and sets its keepalive, or aborts it if there are too many."""
+        """Registers the new connection and sets its keepalive; aborts it if there are too many already."""
         self._transport = cast(asyncio.Transport, transport)
         if not self._server.enter(self):
             self._transport.abort()
@@ -122,17 +124,18 @@ class Connection(asyncio.BufferedProtocol):
         self._server.leave(self)
 
     def close(self) -> None:
-        """Ends the connection, once the answers are sent."""
+        """Closes the connection after all answers have been sent."""
         self._transport.close()
 
     def get_buffer(self, _: int) -> bytearray:
-        """Buffer for the next bytes: small, so that no client keeps the others waiting."""
+        """Returns the buffer for the next bytes; it is small, so that no client keeps the others waiting."""
         return self._piece
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Answers each complete frame, in order; disconnects a client that sends anything else.
+        """Answers each complete frame in the received bytes, in order.
 
-        A client that leaves a frame incomplete or does not read its answers is disconnected, too.
+        Disconnects a client that sends an invalid frame, leaves a frame incomplete for `PATIENCE_S`, or does
+        not read its answers.
         """
         self._buffer += self._piece[:nbytes]
         while len(self._buffer) >= HEADER.size:
@@ -157,7 +160,10 @@ class Connection(asyncio.BufferedProtocol):
     async def async_getValues(  # noqa: N802 - pymodbus' name
         self, _device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
-        """Reads registers, for pymodbus; as the answer to function 6, returns the value just written."""
+        """Reads registers for a request of pymodbus; returns the values, or the exception code of a refusal.
+
+        For the answer to function 6, which writes one register, returns the value just written.
+        """
         if func_code == 6:
             return self._last
         values = self._server.exchange.read(address, count)
@@ -166,7 +172,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_setValues(  # noqa: N802 - pymodbus' name
         self, _device_id: int, _func_code: int, address: int, values: list[int]
     ) -> ExcCodes | None:
-        """Writes registers, for pymodbus."""
+        """Writes registers for a request of pymodbus; returns the exception code of a refusal, else None."""
         if not self._server.may_write(self):
             return ExcCodes.DEVICE_BUSY
         self.has_written = True
@@ -193,7 +199,7 @@ class Connection(asyncio.BufferedProtocol):
 
 
 def _completed(request: Coroutine[Any, Any, ModbusPDU]) -> ModbusPDU:
-    """Runs a request, which completes in one step since it never waits, and returns the answer."""
+    """Runs a request's coroutine to its end, and returns the answer; the coroutine must not wait."""
     try:
         request.send(None)
     except StopIteration as end:

@@ -1,7 +1,7 @@
-"""An OPC UA server modelled on OPC 40100-1, for one master and any number of readers.
+"""An OPC UA server modelled on OPC 40100-1 (machine vision), for one master and any number of readers.
 
-asyncua encodes, encrypts and serves the address space. The values of the variables come from the panel.
-Methods write to the exchange, as a PLC does over registers.
+asyncua encodes and encrypts messages, and serves the address space. The values of the variables come from the
+panel (`runtime.plc.panel`). The methods write to the registers of the exchange's station.
 """
 
 import asyncio
@@ -26,10 +26,10 @@ from runtime.plc.server import PlcServer
 from runtime.plc.station import Glance
 from runtime.plc.vision import Job, Result, VisionState, waits
 
-CLOSING_S = 5.0  # time for connections to close at the end
+CLOSING_S = 5.0  # time for connections to close when the server ends
 LONGEST_TEXT = 100  # most characters of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
-# URI of the product, and of a server without a certificate.
+# URI of the product, and application URI of a server without a certificate.
 BARE_URI = "urn:squeezetree:grasp-runtime"
 DONE = (0, "")  # outputs `error` and `message` of a successful command
 REASONS = {
@@ -41,26 +41,27 @@ REASONS = {
 }
 
 Outputs = tuple[Value | list[str], ...]
-Act = Callable[..., Outputs | ua.StatusCode | None]  # None: as `DONE`
+Act = Callable[..., Outputs | ua.StatusCode | None]  # None stands for `DONE`
 
 logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # any client could fill the log
 
 
 class Security(NamedTuple):
-    """What an encrypted endpoint needs: the server's key and certificate, and the trusted clients."""
+    """What an encrypted endpoint needs: the server's key and certificate, and which clients are trusted."""
 
     identity: Identity
     trust: Trust
 
 
 class OpcUaServer(PlcServer):
-    """Serves an exchange on a listening socket.
+    """The OPC UA server: shows clients the values of a panel, and lets one client, the master, request parts.
 
     Args:
-        listener: the socket.
-        exchange: connects the server with the run; its station needs no heartbeat, since sessions have one.
+        listener: the socket on which the server listens.
+        exchange: connects the server with the run. Its station expects no heartbeat in registers, since the
+            session of a silent client ends.
         panel: the values that the server shows.
-        security: keys and trusted clients of the endpoint; None for an unencrypted one.
+        security: the server's key and certificate, and the trusted clients; None: nothing is encrypted.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """Serves until `stop`, see `PlcServer.serve`."""
+        """Serves clients until `stop` is set, see `PlcServer.serve`."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
@@ -106,7 +107,7 @@ class OpcUaServer(PlcServer):
         host, port = self._listener.getsockname()[:2]
         server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
         await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
-        # the certificate of the secure channel identifies the client
+        # Clients need no user name: the certificate of the secure channel identifies them.
         server.set_identity_tokens([ua.AnonymousIdentityToken])
         policy = ua.SecurityPolicyType.NoSecurity
         if security is not None:
@@ -119,7 +120,10 @@ class OpcUaServer(PlcServer):
     # -- the master -----------------------------------------------------------------------------------
 
     def _may_command(self, session: Session) -> bool:
-        """Whether a session may give commands; the first that asks becomes the only one, until it ends."""
+        """Whether a session may give commands: only one session, the master, may.
+
+        If there is no master, the asking session becomes the master until it ends.
+        """
         if self._master is None:
             self._master = session
             self.exchange.connected = True
@@ -133,7 +137,7 @@ class OpcUaServer(PlcServer):
     # -- what is shown --------------------------------------------------------------------------------
 
     def _watch(self, seen: Glance) -> None:
-        """Queues a new state of the station, for `_show`; may be called by any thread."""
+        """Queues a new state of the station, which `_show` will write; any thread may call this."""
         self._glances.append(seen)
         self._loop.call_soon_threadsafe(self._news.set)
 
@@ -144,7 +148,7 @@ class OpcUaServer(PlcServer):
             await self._show()
 
     async def _show(self) -> None:
-        """Writes the queued states of the station to the address space, one after the other."""
+        """Writes the queued states of the station to the address space in order, so that clients see each."""
         async with self._showing:
             while self._glances:
                 change = self._panel.see(self._glances.popleft())
@@ -153,7 +157,7 @@ class OpcUaServer(PlcServer):
     # -- methods --------------------------------------------------------------------------------------
 
     def _methods(self) -> list[tuple[str, Callable[..., Any], Arguments, Arguments]]:
-        """Returns the path, the function, the input arguments and the output arguments of each method."""
+        """Returns for each OPC UA method its path, its function, its input and its output arguments."""
         text, handle = TYPES[str], argument("resultHandle", TYPES[int])
         refusal = (argument("error", ua.VariantType.Int32), argument("message", text))
         job, recipe = argument("jobId", text), argument("recipeId", text)
@@ -183,10 +187,15 @@ class OpcUaServer(PlcServer):
     def _method(
         self, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
     ) -> Callable[..., Any]:
-        """Wraps `act` as an OPC UA method that checks its arguments, which asyncua does not.
+        """Wraps a function as an OPC UA method that checks its arguments, since asyncua does not check them.
 
-        If `commands` is true, the method refuses callers other than the session that may give commands. The
-        method returns after the displayed values are updated.
+        The method returns after the displayed values have been updated.
+
+        Args:
+            inputs: descriptions of the input arguments.
+            outputs: descriptions of the output arguments.
+            act: the function.
+            commands: whether only the session that may give commands can call the method.
         """
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
@@ -208,7 +217,7 @@ class OpcUaServer(PlcServer):
         seen = self._panel.seen
         if not seen.enabled:
             table = NO_TABLE if seen.table is None else seen.table
-            # Via Initialized, as in the specification's chart.
+            # First without a table: the specification's chart enters the state Ready from Initialized.
             self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
 
     def _withdraw(self) -> None:
@@ -224,7 +233,7 @@ class OpcUaServer(PlcServer):
         self.exchange.confirm()
 
     def _abort(self) -> None:
-        os.kill(os.getpid(), signal.SIGTERM)  # the only stop request
+        os.kill(os.getpid(), signal.SIGTERM)  # only a signal can request a stop from another thread
 
     def _start(self, meas_id: str) -> Outputs:
         number = self._jobs + 1
@@ -268,7 +277,12 @@ class OpcUaServer(PlcServer):
 
 
 def _problem(inputs: Arguments, given: tuple[ua.Variant, ...]) -> int:
-    """The status code for invalid arguments, 0 for valid ones."""
+    """Checks the arguments of a method call; returns an OPC UA status code, 0 if they are valid.
+
+    Args:
+        inputs: descriptions of the method's arguments.
+        given: the arguments.
+    """
     if len(given) != len(inputs):
         missing = len(given) < len(inputs)
         codes = ua.StatusCodes

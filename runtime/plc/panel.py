@@ -1,6 +1,6 @@
-"""The values that an OPC UA server shows, by path, derived from the states of a station.
+"""The values that an OPC UA server shows to clients, derived from the states of a PLC's station.
 
-A path consists of the browse names below the object `VisionSystem`. The module does not use OPC UA's library.
+Each value has a path: the browse names below the object `VisionSystem`. The module does not import asyncua.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,38 +23,38 @@ Value = str | int | float | bool
 
 
 class Offer(NamedTuple):
-    """A recipe: a table that a client may prepare."""
+    """A recipe: a table that a client may select for the next part."""
 
-    id: str
+    id: str  # name under which clients select the recipe
     digest: str  # SHA-256 of the table's file
-    parts: list[str]  # names of its parts, empty for a single part
+    parts: list[str]  # names of the table's parts; empty for a single part
 
 
 class Configuration(NamedTuple):
-    """The current calibration of the gripper."""
+    """The calibration of the gripper that the run uses."""
 
-    id: str
-    digest: str  # SHA-256 of its file, "" for the linear map
+    id: str  # name of the calibration
+    digest: str  # SHA-256 of the calibration's file; "" if nominal widths are used
 
 
 class Change(NamedTuple):
-    """A transition between two displayed states of the vision system."""
+    """A change of the state that clients see: the state that is left, and the state that is entered."""
 
     left: vision.VisionState
     entered: vision.VisionState
 
     @property
     def name(self) -> str:
-        """Name of the transition in the specification."""
+        """Name of the transition in the form of OPC 40100-1, such as ReadyToSingleExecution."""
         return f"{self.left.value}To{self.entered.value}"
 
 
 class Panel:
-    """Values for OPC UA clients: a station's state, the latest results, and counts since the process started.
+    """Values for OPC UA clients: the station's state, the latest results, counts of this process's parts.
 
     Attributes:
-        offers: the recipes, by the numbers of their tables.
-        configuration: the current configuration.
+        offers: the recipes; the index of each is the number of its table.
+        configuration: the gripper's calibration.
         results: the latest results, by their ids.
         job: the job of the current part or of the waiting result; if there is neither, the last job.
         seen: the latest state of the station.
@@ -74,11 +74,15 @@ class Panel:
 
     @property
     def state(self) -> vision.VisionState:
-        """The state of the vision system (OPC 40100-1) that clients see."""
+        """The state that clients see now, one of OPC 40100-1."""
         return vision.view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:
-        """Takes in a new state of the station; returns the change of the displayed state, if any."""
+        """Updates the values for a new state of the station.
+
+        Returns:
+            The change of the state that clients see; None if this state stays.
+        """
         before, self.seen = self.seen, seen
         if vision.waits(seen) and not vision.waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)
@@ -96,7 +100,7 @@ class Panel:
             del self.results[next(iter(self.results))]
 
     def values(self) -> Iterator[tuple[str, Value]]:
-        """Yields all values, each with its path."""
+        """Yields all values that clients see, as pairs of a path and a value."""
         seen, row = self.seen, vision.view(self.seen)
         prepared = None if seen.table is None else self.offers[seen.table]
         yield f"{MACHINE}/CurrentState", row.state.outer

@@ -1,7 +1,8 @@
-"""The registers that a PLC writes and reads: names, addresses, types, units; conversion to 16-bit words.
+"""The registers that a PLC writes and reads: their names, addresses, types and units.
 
-The PLC writes the block from `WRITTEN_AT` on; the runtime writes the block from `READ_AT` on. Functions 3 and
-4 read either. A value of two words has the high word first.
+The PLC writes the block that begins at address `WRITTEN_AT`. The runtime writes the block that begins at
+`READ_AT`. The Modbus functions 3 and 4 each read both blocks. A value of two 16-bit words has the high word
+first.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,13 +13,16 @@ from runtime.plc.handshake import Error
 
 WRITTEN_AT = 0
 READ_AT = 100
-UNKNOWN = 0xFFFF  # value of one word: unknown, or too large for a word
+UNKNOWN = 0xFFFF  # value of a one-word register for a quantity that is unknown or too large
 OUTCOMES = ("none", "located", "rejected", "unresolved", "fault")
 HEARTBEAT_LIMIT_S = 3.0
 
 
 class Register(NamedTuple):
-    """One value of the register map: an integer which, times `scale`, is a quantity in `unit`."""
+    """A named value of the register map: an integer of one or two words.
+
+    The integer times `scale` is the quantity in `unit`.
+    """
 
     name: str
     type: str  # "bool", "uint16", "uint32" or "int32"
@@ -35,12 +39,12 @@ class Register(NamedTuple):
 
     @property
     def greatest(self) -> int:
-        """Greatest integer that a PLC may write."""
+        """Greatest integer that a PLC may write to the register."""
         return 1 if self.type == "bool" else 0xFFFF
 
 
 def _block(address: int, kind: str, *registers: Register) -> tuple[Register, ...]:
-    """Registers at consecutive addresses, the first one at `address`."""
+    """Returns registers with their kind, and with consecutive addresses, the first at `address`."""
     ends = accumulate((register.words for register in registers), initial=address)
     pairs = zip(registers, ends, strict=False)
     return tuple(register._replace(address=at, kind=kind) for register, at in pairs)
@@ -117,7 +121,10 @@ MAP = WRITTEN + READ
 
 
 def as_json() -> dict[str, object]:
-    """The register map in the form of JSON, as printed by `--plc-map json`; `values` names codes."""
+    """The register map in the form of JSON, as `--plc-map json` prints it.
+
+    The entries of `outcome` and `error_id` have a field `values`, with the meaning of each code.
+    """
     errors = {str(error.value): error.name.lower().replace("_", " ") for error in Error}
     outcomes = {str(code): name for code, name in enumerate(OUTCOMES)}
     registers = {register.name: register._asdict() for register in MAP}

@@ -1,4 +1,4 @@
-"""Base class of the servers for a PLC: an event loop in a thread, with a deadline for its end."""
+"""Base class of the servers for a PLC: runs a server in a thread with an event loop, and ends it in time."""
 
 import asyncio
 import signal
@@ -15,7 +15,7 @@ STOPPING_S = 10.0  # wait for the end of a server's thread; a thread that takes 
 
 
 class PlcServer(ABC):
-    """Serves an exchange in a separate thread, from entering the context until leaving it."""
+    """A server for a PLC, as a context: on entering, a thread starts to serve; on leaving, it ends."""
 
     def __init__(self, exchange: Exchange) -> None:
         self.exchange, self.clock = exchange, exchange.clock
@@ -25,10 +25,10 @@ class PlcServer(ABC):
 
     @abstractmethod
     async def serve(self, stop: asyncio.Event) -> None:
-        """Serves until `stop`; sets `started` once clients are answered."""
+        """Serves clients until `stop` is set; sets `started` as soon as clients are answered."""
 
     def check(self) -> None:
-        """Raises the error with which the server has ended, if any."""
+        """Raises the error with which the server's thread has ended; does nothing if there is none."""
         if self._failure is not None:
             raise self._failure
 
@@ -53,12 +53,12 @@ class PlcServer(ABC):
         self._thread.join(STOPPING_S)
 
     def _run(self) -> None:
-        # Stop requests belong to the main thread: a signal taken by this one would not wake it.
+        # The main thread handles stop requests: a signal delivered to this thread would not wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
         try:
             with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
                 runner.run(self.serve(self._stop))
-        except BaseException as error:  # belongs to the main thread
+        except BaseException as error:  # the main thread raises it in `check`
             self._failure = error
             self.exchange.disconnect()
         finally:

@@ -1,8 +1,6 @@
-"""The station of a PLC: its registers, and the part that it requests.
+"""The station of a PLC: holds the registers, and turns writes to them into events of the handshake.
 
-A station turns changes of the registers into events of the handshake.
-
-The module has no sockets or threads; callers pass the time.
+The module has no sockets, threads or clocks; callers pass the time.
 """
 
 from collections import Counter
@@ -19,23 +17,23 @@ BEAT_S = 0.25  # time between two changes of `heartbeat_out`
 
 
 class Refusal(IntEnum):
-    """Reason of a refused access, as a Modbus exception code."""
+    """Why a read or a write of registers is refused, as a Modbus exception code."""
 
     ADDRESS = 2
     VALUE = 3
 
 
 class Order(NamedTuple):
-    """A part requested by a PLC."""
+    """A PLC's request to locate one part."""
 
-    trigger_id: int
+    trigger_id: int  # number that the PLC gave to the trigger
     table: int  # number of the table to use
 
 
 class Answer(NamedTuple):
-    """Result of a part in the units of the registers; it has a pose only if located."""
+    """Result of a part, in the units of the registers; the pose is 0 if the part was not located."""
 
-    outcome: int = 0
+    outcome: int = 0  # index in `OUTCOMES`
     exit_code: int = 0
     x: int = 0
     y: int = 0
@@ -54,20 +52,20 @@ _ADDRESSES = {register.address: register for register in WRITTEN}
 
 
 class Glance(NamedTuple):
-    """Snapshot of a station: what its observers may see."""
+    """Snapshot of a station's state, for observers."""
 
     state: State
-    order: Order | None
-    answer: Answer
-    enabled: bool
-    ended: bool  # whether triggers are no longer accepted
+    order: Order | None  # the part under way; None if there is none
+    answer: Answer  # the latest result; `EMPTY` from the end of the handshake until the next result
+    enabled: bool  # whether triggers are enabled
+    ended: bool  # whether the run has ended, so that triggers are refused
     error_id: int
-    table: int | None  # number of the table for the next trigger, None where it is invalid
-    in_use: int  # number of the table of the last accepted trigger
+    table: int | None  # number of the table for the next trigger; None if there is no such table
+    in_use: int  # number of the table that the last accepted trigger requested
 
 
 class Counters:
-    """Counts parts by outcome; has the seconds of the last part, and the share of parts done within a takt.
+    """Statistics for the PLC: parts by outcome, seconds of the last part, share of parts within the takt.
 
     Args:
         takt_s: time within which parts should be done; None: no takt.
@@ -80,7 +78,12 @@ class Counters:
         self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
 
     def add(self, outcome: int, seconds: float) -> None:
-        """Adds one part by its `Answer.outcome` and its seconds; NaN: unknown."""
+        """Counts one part.
+
+        Args:
+            outcome: the part's `Answer.outcome`.
+            seconds: time that the part took, s; NaN if unknown.
+        """
         self._values[f"parts_{OUTCOMES[outcome]}"] += 1
         self._values["seconds_last"] = UNKNOWN
         if not seconds > 0.0:  # NaN, or 0 from a clock that does not advance
@@ -92,22 +95,22 @@ class Counters:
             self._values["takt_share"] = round(1e4 * share)
 
     def values(self) -> dict[str, int]:
-        """Returns the counts and times by register name."""
+        """Returns the statistics as register values, by register name."""
         return self._values
 
 
 class Station:
-    """The registers of one PLC and its handshake.
+    """The registers of one PLC, and the state of its handshake.
 
     Args:
-        digests: first four bytes of each table's SHA-256, as an integer.
-        takt_s: time within which parts should be done; None: no takt.
+        digests: for each table, the first four bytes of its SHA-256 as an integer.
+        takt_s: time within which parts should be done, s; None: no takt.
         beats: whether the PLC has to change `heartbeat_in` regularly.
 
     Attributes:
         state: state of the handshake.
-        order: the current part, None between two.
-        enabled: whether triggers count.
+        order: the part under way; None if there is none.
+        enabled: whether triggers are enabled.
         error_id: an `Error`, or the exit code of a fault.
     """
 
@@ -123,17 +126,18 @@ class Station:
         self._in_use = 0  # number of a table
         self._result_id, self._answer = 0, EMPTY
         self._counters = Counters(takt_s)
-        self._beat_s = 0.0  # when `heartbeat_in` last changed, or enabling began
-        self._standing = False  # whether `heartbeat_in` ended enabling and has not changed since
+        self._beat_s = 0.0  # when `heartbeat_in` last changed, or triggers were enabled
+        # whether triggers were disabled for a stopped `heartbeat_in`, which has not changed since
+        self._standing = False
         self._ended = False
 
     def write(self, address: int, values: Sequence[int], now: float) -> Refusal | None:
-        """Writes registers, all or none.
+        """Writes consecutive registers; if one value is refused, writes none.
 
         Args:
             address: address of the first register.
             values: one word for each register.
-            now: seconds of a clock that never goes back.
+            now: the time, in seconds of a clock that never goes back.
 
         Returns:
             Why nothing was written; None if the registers were written.
@@ -150,7 +154,12 @@ class Station:
         return None
 
     def put(self, changes: Mapping[str, int], now: float) -> None:
-        """Writes values by register names; see `write` for `now`."""
+        """Writes registers, and gives the handshake the events that follow from the changes.
+
+        Args:
+            changes: valid values by register name.
+            now: the time, as in `write`.
+        """
         self.tick(now)
         before, self._written = self._written, {**self._written, **changes}
         if self._written["heartbeat_in"] != before["heartbeat_in"]:
@@ -161,9 +170,15 @@ class Station:
         self._edge(before, "trigger", self._trigger, Event.TRIGGER_BACK)
 
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
-        """Reads `count` words of one of the two blocks, or refuses an access beyond the block.
+        """Reads words of one of the two blocks of registers.
 
-        See `write` for `address` and `now`.
+        Args:
+            address: address of the first word.
+            count: number of words.
+            now: the time, as in `write`.
+
+        Returns:
+            The words; a refusal if they do not all lie in one block.
         """
         self.tick(now)
         block, values = WRITTEN, self._written
@@ -179,15 +194,19 @@ class Station:
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """Disables triggers after the connection that writes is lost.
+        """Disables triggers after the connection to the PLC is lost.
 
-        The other registers keep their levels, so that the next write causes no false edge.
+        The registers `trigger` and `result_acknowledge` stay as they are, so that a PLC that connects again
+        and writes the same values causes no event.
         """
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
     def finish(self, answer: Answer) -> None:
-        """Ends the current part, which must exist, and presents its answer until the PLC acknowledges it."""
+        """Ends the part under way, and shows its answer until the PLC acknowledges it.
+
+        There must be a part under way.
+        """
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
         self._counters.add(answer.outcome, answer.seconds)
@@ -196,17 +215,17 @@ class Station:
             self.error_id = answer.exit_code
 
     def confirm(self) -> None:
-        """Clears `error_id`."""
+        """Clears the error in `error_id`."""
         self.error_id = Error.NONE
 
     @property
     def glance(self) -> Glance:
-        """The current state, as a snapshot for observers."""
+        """A snapshot of the present state, for observers."""
         part, tables = (self.order, self._answer), (self._table, self._in_use)
         return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
 
     def end(self) -> None:
-        """Refuses all triggers from now on."""
+        """Notes that the run has ended: from now on all triggers are refused."""
         self._ended = True
 
     @property
@@ -254,7 +273,7 @@ class Station:
             self._result_id, self._answer = 0, EMPTY
 
     def _shown(self, now: float) -> dict[str, int]:
-        """Values of the registers that the runtime writes."""
+        """Values of the registers that the runtime writes, by name; `now` is for the heartbeat."""
         return {
             **SIGNALS[self.state]._asdict(),
             **self._answer._asdict(),

@@ -1,7 +1,7 @@
-"""Views of a station for a line's supervisor: states of OPC 40100-1 and of PackML, results, stop reasons.
+"""Shows a PLC's station in the terms of a production line: states of OPC 40100-1 and PackML, stop reasons.
 
-The module makes no decisions: the handshake accepts events and determines what follows. `tools/docs/plc.md`
-shows `VIEW`. The module does not use OPC UA.
+The module decides nothing: it only derives from the handshake's state what to show. `VIEW` maps each state to
+those of the two standards; `tools/docs/plc.md` shows it. The module does not import asyncua.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class VisionState(Enum):
-    """States of the machine vision companion specification (OPC 40100-1); values are its names."""
+    """States of the OPC UA specification for machine vision (OPC 40100-1); values are the names there."""
 
     PREOPERATIONAL = "Preoperational"
     HALTED = "Halted"
@@ -27,12 +27,12 @@ class VisionState(Enum):
 
     @property
     def automatic(self) -> bool:
-        """Whether the state is part of the automatic mode, within the state Operational."""
+        """Whether the state is one of the automatic mode, which is a part of the state Operational."""
         return self in _AUTOMATIC
 
     @property
     def outer(self) -> str:
-        """Name of the state in the specification's top-level state machine."""
+        """Name that the specification's top-level state machine shows for the state."""
         return "Operational" if self.automatic else self.value
 
 
@@ -40,7 +40,7 @@ _AUTOMATIC = {VisionState.INITIALIZED, VisionState.READY, VisionState.SINGLE_EXE
 
 
 class PackMLState(IntEnum):
-    """The PackML states (ISA-TR88.00.02) in use."""
+    """The states of PackML (ISA-TR88.00.02) that a station may show."""
 
     STOPPED = 2
     IDLE = 4
@@ -50,16 +50,16 @@ class PackMLState(IntEnum):
 
 
 class Row(NamedTuple):
-    """A row of `VIEW`: a state of each of the two standards, and the condition for showing both."""
+    """A row of `VIEW`: a state of OPC 40100-1 and one of PackML, and the condition for showing both."""
 
     state: VisionState
     packml: PackMLState
-    when: str  # in the words of the documentation
-    holds: Callable[[Glance], bool]
+    when: str  # the condition in the words of the documentation
+    holds: Callable[[Glance], bool]  # whether the condition holds for a station
 
 
 def waits(seen: Glance) -> bool:
-    """Whether a result waits for the PLC to take it."""
+    """Whether a station has a result that waits for the PLC to take it."""
     return SIGNALS[seen.state].result_valid
 
 
@@ -71,7 +71,7 @@ def _works(seen: Glance) -> bool:
     return SIGNALS[seen.state].busy
 
 
-# The views of a station; the first row whose condition holds is shown.
+# The states to show for a station: those of the first row whose condition holds.
 VIEW: tuple[Row, ...] = (
     Row(VisionState.ERROR, PackMLState.ABORTED, "the result of a fault waits", _failed),
     Row(VisionState.SINGLE_EXECUTION, PackMLState.EXECUTE, "a part is under way", _works),
@@ -111,9 +111,14 @@ STOP_REASONS: Mapping[int, str] = {
 
 
 def stop_reason(before: Glance, after: Glance) -> int | None:
-    """Why the station's change from `before` to `after` stops the line; None if it does not stop it.
+    """Why a change of the station's state stops the line.
 
-    A reason is a key of `STOP_REASONS` or another exit code.
+    Args:
+        before: the state before the change.
+        after: the state after the change.
+
+    Returns:
+        A key of `STOP_REASONS`, or another exit code; None if the change does not stop the line.
     """
     stops = {VisionState.ERROR, VisionState.HALTED, VisionState.PREOPERATIONAL}
     left, entered = view(before).state, view(after).state
@@ -127,18 +132,18 @@ def stop_reason(before: Glance, after: Glance) -> int | None:
 
 
 class Job(NamedTuple):
-    """A requested part, with the names that server and client gave it."""
+    """An OPC UA client's request to locate one part."""
 
-    number: int  # from 1, within this process
-    id: str  # given by the server, unique over all its runs
+    number: int  # counts from 1 in this process
+    id: str  # given by the server; no other job of this server has it
     meas_id: str  # given by the client
-    recipe: str
+    recipe: str  # id of the recipe
     digest: str  # SHA-256 of the table's file
-    configuration: str  # SHA-256 of the calibration's file, "" for the linear map
+    configuration: str  # SHA-256 of the calibration's file; "" if nominal widths are used
 
 
 class Result(NamedTuple):
-    """A part's result: its job, and figures with units in their names; it has a pose only if located."""
+    """The result of a job, as OPC UA clients see it; the pose is 0 if the part was not located."""
 
     ResultHandle: int  # number of the job
     ResultId: str  # id of the job
@@ -152,7 +157,7 @@ class Result(NamedTuple):
     Angle_deg: float
     ExpectedError_mm: float  # median error of the trials at this leaf; NaN if unknown
     ExpectedErrorP95_mm: float
-    Part: str  # its name, "" for a single part
+    Part: str  # name of the part; "" if the table is for a single part
     Face: int  # 0 as drawn, 1 turned over
     ErrorId: int  # exit code of a fault, 0 otherwise
     ExitCode: int
@@ -164,7 +169,13 @@ NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, 
 
 
 def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
-    """The result of a job; `parts` are the names of its table's parts."""
+    """Builds the result of a job.
+
+    Args:
+        job: the job.
+        parts: names of the parts of the job's table; empty for a single part.
+        answer: the part's result, in the units of the registers.
+    """
     pose = answer.x / 1e3, answer.y / 1e3, answer.angle / 1e4
     errors, part = (nan, nan), ""
     if answer.outcome == 1:

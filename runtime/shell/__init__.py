@@ -1,1 +1,1 @@
-"""Common parts of all commands; standard library only."""
+"""What all commands share: arguments, errors, exit codes, files, stop requests; standard library only."""

@@ -1,4 +1,4 @@
-"""Base classes of expected errors, each for another remedy.
+"""Base classes of expected errors, one for each kind of remedy.
 
 ::
 
@@ -10,8 +10,8 @@
      +- UnreachableError  21  connect the device, or stop the program that uses it
 
 The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors` and
-`drivers.errors` derive the errors that their package has to distinguish. A message is one line: what is
-wrong, where, what to do.
+`drivers.errors` derive further errors from these classes. The message of an error is one line: what is wrong,
+where, and what to do.
 """
 
 from typing import Self
@@ -20,7 +20,7 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class ExpectedError(Exception):
-    """Base of all errors that people, devices and disks cause; any other exception is a bug."""
+    """Base class of errors that people, devices or disks cause; other exceptions but OSError are bugs."""
 
     exit_code = ExitCode.INTERNAL
 
@@ -32,9 +32,13 @@ class UsageError(ExpectedError):
 
 
 class InputError(ExpectedError):
-    """An input file is missing, unreadable or refused; states the file, section, key and problem.
+    """An input file is missing, unreadable or refused.
 
-    An empty section is the top level of the file.
+    Args:
+        problem: what is wrong, and what to do.
+        where: name of the file.
+        section: section of the file; "": the top level of the file.
+        key: key in the section.
     """
 
     exit_code = ExitCode.INPUT
@@ -46,7 +50,7 @@ class InputError(ExpectedError):
         self.problem, self.where, self.section, self.key = problem, where, section, key
 
     def at(self, where: str = "", section: str = "", key: str = "") -> Self:
-        """Returns the error with its place added; parts of the place that are set already stay."""
+        """Returns a copy of the error with file, section and key added; those that are set already stay."""
         where, section, key = self.where or where, self.section or section, self.key or key
         return type(self)(self.problem, where=where, section=section, key=key)
 
@@ -58,7 +62,7 @@ class CheckFailedError(ExpectedError):
 
 
 class DeviceError(ExpectedError):
-    """A device reports a fault, gives an implausible reading, or may not do what was requested."""
+    """A device reports a fault, gives an implausible reading, or must not do what was requested."""
 
     exit_code = ExitCode.DEVICE
 
@@ -70,7 +74,7 @@ class UnreachableError(ExpectedError):
 
 
 def is_expected(error: BaseException) -> bool:
-    """Whether people, devices or disks cause such an error; otherwise it is a bug."""
+    """Whether an error is one that people, devices or disks cause; any other error is a bug."""
     return isinstance(error, ExpectedError | OSError)
 
 

@@ -4,12 +4,12 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """Exit code of a process; higher is more severe, and a run ends with the code of its worst part."""
+    """Exit code of a command. A higher code is more severe; a run ends with the code of its worst part."""
 
-    sentence: str
+    sentence: str  # what the code means, and what to do
 
     def __new__(cls, value: int, sentence: str) -> "ExitCode":
-        """Creates a code with its sentence."""
+        """Creates an exit code with its sentence."""
         code = int.__new__(cls, value)
         code._value_ = value
         code.sentence = sentence
@@ -32,7 +32,11 @@ class ExitCode(IntEnum):
 
 
 def epilog(*codes: ExitCode) -> str:
-    """The section of --help with a command's exit codes: 0 to 2, `codes`, and the code of Ctrl-C."""
+    """Builds the section of --help that explains a command's exit codes.
+
+    Args:
+        codes: the codes to list besides 0, 1, 2 and the code after Ctrl-C.
+    """
     end = set() if ExitCode.STOPPED in codes else {ExitCode.INTERRUPTED}
     listed = sorted({ExitCode.DONE, ExitCode.INTERNAL, ExitCode.USAGE, *codes} | end)
     return "\n".join(["exit codes:", *(f"  {code:>3}  {code.sentence}" for code in listed), ""])

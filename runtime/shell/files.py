@@ -1,7 +1,8 @@
-"""Atomic writing of files by all commands: to a draft beside the file, which is then renamed.
+"""Reads and writes the files of commands; an output is written as a whole or not at all.
 
-Only regular files are written, or standard output where a command offers that, and never a file that the
-command reads. `usable` checks this before the work, `writing` writes.
+`writing` writes a draft beside the output file, and renames the draft at the end. Before a command works,
+`usable` checks that the output is a regular file, or standard output if the command allows it, and that it is
+none of the files that the command reads.
 """
 
 import errno
@@ -25,16 +26,16 @@ class OutputError(UsageError, OSError):
 
 
 def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
-    """Checks, before the work, that an output file may be written; returns its path.
+    """Checks that an output file can be written, before a command begins to work; returns its path.
 
     Args:
         path: the file, which may not exist yet.
-        others: other files that the command reads or writes; None for an option that was not given.
+        others: other files that the command reads or writes; None is ignored.
         stdout: whether standard output is allowed.
 
     Raises:
-        OutputError: the path is a link, a folder, a device or one of the others; its folder does not exist;
-            or the file may not be written.
+        OutputError: the file is a link, a folder, a device or one of `others`; its folder does not exist; or
+            this user may not write it.
     """
     if stdout and path in STDOUT:
         return path
@@ -51,14 +52,14 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
 
 
 def folder(path: Path, *others: Path | None) -> Path:
-    """Creates a folder for output files, before the work; returns its path.
+    """Creates a folder for output files, before a command begins to work; returns its path.
 
     Args:
-        path: the folder, which may exist.
-        others: folders that the command reads, as in `usable`.
+        path: the folder, which may exist already.
+        others: folders that the command reads; None is ignored.
 
     Raises:
-        OutputError: the folder cannot be created, or is one of the others.
+        OutputError: the folder cannot be created, or is one of `others`.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -76,16 +77,16 @@ def folder(path: Path, *others: Path | None) -> Path:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Context manager that yields the path of a draft, and replaces the file by the draft on success.
+    """Context to write a file as a whole: yields the path of a draft, which at the end replaces the file.
 
-    The draft has the suffix of the file. If the path is one of `STDOUT`, the draft is copied to standard
-    output instead.
+    If the context ends with an error, the file stays as it was. The draft has the file's suffix. If `path` is
+    one of `STDOUT`, the draft is copied to standard output instead.
 
     Raises:
         OutputError: the file cannot be written.
     """
     if path in STDOUT:
-        import tempfile  # with its compressors 0.7 MiB, which no run of the cell needs
+        import tempfile  # loads compressors, 0.7 MiB in all, which no run of a cell needs
 
         with tempfile.TemporaryDirectory() as folder:
             draft = Path(folder) / "draft"
@@ -115,14 +116,19 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def _begin(draft: Path, path: Path) -> None:
-    """Creates an empty draft with the owner and mode of the file that it replaces, if there is one."""
+    """Creates an empty draft; if the file exists, the draft gets its owner and mode.
+
+    Args:
+        draft: path of the draft.
+        path: path of the file that the draft will replace.
+    """
     old = path.stat() if path.exists() else None
-    # New, so never through somebody's link; a private file is private before it has content.
+    # O_EXCL follows no link. The draft of a private file is private before it has content.
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     handle = os.open(draft, flags, 0o666 if old is None else 0o600)
     try:
         if old is not None:
-            with suppress(PermissionError):  # another user's file in our folder becomes ours
+            with suppress(PermissionError):  # then another user's file becomes this user's
                 os.fchown(handle, old.st_uid, old.st_gid)
             os.fchmod(handle, old.st_mode & 0o777)
     finally:
@@ -130,24 +136,24 @@ def _begin(draft: Path, path: Path) -> None:
 
 
 def quoted(path: Path | str) -> str:
-    """Quotes a path for a command line in a message; a leading "-" becomes "./-"."""
+    """Quotes a path for a command line in a message, which people may copy; "-x" becomes "./-x"."""
     text = str(path)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def write(path: Path, text: str) -> None:
-    """Writes a text as UTF-8, see `writing`."""
+    """Writes a text file in UTF-8, as a whole or not at all (see `writing`)."""
     with writing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def words_of(path: Path) -> TextIO:
-    """The stream for a command's messages: standard error if its output `path` is standard output."""
+    """The stream for a command's messages: standard error if the output `path` is standard output."""
     return sys.stderr if path in STDOUT else sys.stdout
 
 
 def _objection(path: Path) -> str:
-    """Returns why a file cannot be written, "" if it can.
+    """Returns the reason why a file cannot be written; "" if it can be written.
 
     Raises:
         OSError: the path cannot be inspected.
@@ -165,7 +171,11 @@ def _objection(path: Path) -> str:
 
 
 def oddity(mode: int) -> str:
-    """The kind of a file that is not regular, as "it is a folder"; "" for a regular one."""
+    """Says what a file is that is not regular, such as "it is a folder"; "" for a regular file.
+
+    Args:
+        mode: the file's `st_mode`.
+    """
     if stat.S_ISREG(mode):
         return ""
     if stat.S_ISDIR(mode):
@@ -174,7 +184,7 @@ def oddity(mode: int) -> str:
 
 
 def same(one: Path, other: Path) -> bool:
-    """Whether two paths name the same file, existing or not."""
+    """Whether two paths name the same file, which need not exist."""
     try:
         return one.samefile(other)
     except OSError:
@@ -182,9 +192,9 @@ def same(one: Path, other: Path) -> bool:
 
 
 def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
-    """Returns the bytes of a regular file and its `st_mode`.
+    """Reads a regular file; returns its bytes and its `st_mode`.
 
-    Never blocks on a pipe without a writer.
+    If the path is a pipe, raises an error at once and does not wait for a writer.
 
     Raises:
         OSError: the file cannot be read, is not regular, or is larger than `most_bytes`.
@@ -206,10 +216,16 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
 
 
 def read_input(path: Path, most_bytes: int, name: str, remedy: str = "") -> tuple[bytes, int]:
-    """Returns the bytes of an input file and its `st_mode`, as `read_regular`.
+    """Reads an input file with `read_regular`; returns its bytes and its `st_mode`.
+
+    Args:
+        path: the file.
+        most_bytes: size above which the file is refused.
+        name: name of the file in the error's message.
+        remedy: end of the error's message.
 
     Raises:
-        InputError: the file cannot be read; the message calls it `name`, and ends with the remedy.
+        InputError: the file cannot be read, is not regular or is too large.
     """
     try:
         return read_regular(path, most_bytes)
@@ -218,7 +234,7 @@ def read_input(path: Path, most_bytes: int, name: str, remedy: str = "") -> tupl
 
 
 def bring_to_disk(path: Path) -> None:
-    """Waits until a file, or a folder's list of files, is on the disk."""
+    """Waits until the content of a file, or the list of files of a folder, is on the disk (fsync)."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""The addresses of a host by its name."""
+"""Looks up the addresses of a host, with a deadline."""
 
 import contextlib
 import errno
@@ -9,9 +9,14 @@ from typing import Any
 
 
 def addresses_of(host: str, port: int | None, seconds: float) -> list[Any]:
-    """Looks up a host's addresses within `seconds` of wall time; returns them as `socket.getaddrinfo` does.
+    """Looks up a host's addresses; returns them in the form of `socket.getaddrinfo`.
 
-    If the name server does not answer in time, a thread that waits for it is left behind.
+    If the name server does not answer in time, a thread goes on waiting for its answer.
+
+    Args:
+        host: name or number of the host.
+        port: TCP port to include in the addresses.
+        seconds: deadline, in s of wall time.
 
     Raises:
         OSError: the name is unknown, or there is no answer in time.

@@ -1,9 +1,9 @@
-"""Stop requests: Ctrl-C, SIGTERM, SIGHUP (a lost session) and SIGQUIT all mean "stop", which is raised once.
+"""Stop requests: Ctrl-C, SIGTERM, SIGHUP (a lost session) and SIGQUIT all request a command to stop.
 
-A request raises KeyboardInterrupt only in `stoppable` code, and never while an exception is being handled:
-the command ends with what came first, a fault or the request, and nothing interrupts what follows from it
-(safe sequence, records, last messages). At any other time it waits for the next `stoppable`. Decision 0018
-says why. A deadline (`within`) is delivered in the same way, with another error.
+A stop request raises KeyboardInterrupt once, only in `stoppable` code, and never while an exception is being
+handled. Elsewhere the request waits for the next `stoppable` code. So the command ends with the fault or the
+request, whichever comes first, and nothing interrupts what follows: safe sequence, records, last messages.
+Decision 0018 says why. A deadline (`within`) raises its error under the same conditions.
 """
 
 import contextlib
@@ -18,33 +18,36 @@ from typing import Self
 
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-AGAIN_S = 0.01  # time until a request that came while an exception was being handled is tried again
-LOST_S = 0.1  # time until a request that Python dropped (finalizer, callback) is raised again
+# time until a request is raised again after it came while an exception was being handled
+AGAIN_S = 0.01
+# time until a request is raised again that Python dropped (in a finalizer or a callback)
+LOST_S = 0.1
 
 
 class _Request:
-    """State of the stop request; there is one for the process, since signals are sent to processes."""
+    """State of the stop request. The process has one such object, since signals are sent to processes."""
 
-    listening = False  # whether signals are requests
-    asked = False  # whether a signal came
-    open = False  # whether it may raise now
-    over = False  # whether it was raised, or comes too late to have an effect
-    # error of a deadline that has passed; None: no deadline has passed
+    listening = False  # whether signals request a stop
+    asked = False  # whether a signal has come
+    open = False  # whether the request may raise now: the code that runs is stoppable
+    over = False  # whether the request was raised, or comes too late to have an effect
+    # builds the error of a deadline that has passed; None: no deadline has passed
     late: Callable[[], Exception] | None = None
 
     def deliver(self) -> None:
-        """Raises a pending stop request, or the error of a deadline that has passed, in stoppable code.
+        """Raises a pending stop request, or the error of a passed deadline, if the code is stoppable.
 
-        While an exception is being handled, this only sets a timer to try again.
+        While an exception is being handled, only sets a timer to try again.
         """
         stop = self.asked and not self.over
         if not self.open or not (stop or self.late):
             return
         if sys.exception() is not None:
-            # A driver may be about to retry, so that the exception is no fault at all.
+            # The exception may be no fault: a driver may handle it by a retry. Then the request is raised.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             return
-        # Raises the error again if Python drops it; otherwise it has left the stoppable code by then.
+        # If Python drops the error, the timer raises it again. Otherwise the error has left the stoppable
+        # code when the timer fires, and nothing happens.
         signal.setitimer(signal.ITIMER_REAL, LOST_S)
         raise KeyboardInterrupt if stop or self.late is None else self.late()
 
@@ -54,7 +57,7 @@ _request = _Request()
 
 @contextlib.contextmanager
 def _region(*, opened: bool) -> Iterator[None]:
-    """Context that lets stop requests raise (`opened`) or prevents it; at its end the former state holds."""
+    """Context in which stop requests raise (`opened`), or in which they do not; contexts may be nested."""
     before, _request.open = _request.open, opened
     try:
         _request.deliver()
@@ -68,20 +71,24 @@ def _region(*, opened: bool) -> Iterator[None]:
 
 
 def stoppable() -> "contextlib._GeneratorContextManager[None]":
-    """Context in which a stop request raises KeyboardInterrupt, an earlier one at once."""
+    """Context in which a stop request raises KeyboardInterrupt; a request that came before raises at once."""
     return _region(opened=True)
 
 
 def whole() -> "contextlib._GeneratorContextManager[None]":
-    """Context in which a stop request does not raise, except within an inner `stoppable` context."""
+    """Context in which a stop request raises nothing, except within an inner `stoppable` context."""
     return _region(opened=False)
 
 
 @contextlib.contextmanager
 def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
-    """Context in which, after `seconds` of wall time, `late()` is raised like a stop request.
+    """Context with a deadline: when it passes, an error is raised under the conditions of a stop request.
 
-    Outside of `StopRequests` there is no deadline, since no signal handler could end a call.
+    Outside of a `StopRequests` context there is no deadline, since no signal handler could end a call.
+
+    Args:
+        seconds: the deadline, s of wall time.
+        late: builds the error.
     """
     if not _request.listening:
         yield
@@ -98,20 +105,23 @@ def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-        timer.join()  # from now on it sends no signal
+        timer.join()  # from now on the timer sends no signal
         _request.late = None
 
 
 def conclude() -> None:
-    """Marks the command's outcome as decided: from now on a stop request raises nothing."""
+    """Notes that the command's work is done: from now on a stop request raises nothing."""
     _request.over = True
 
 
 class StopRequests:
-    """Context in which `SIGNALS` are stop requests; a SIGHUP ignored before (nohup) stays ignored.
+    """Context in which the signals in `SIGNALS` are stop requests.
 
-    With `last` the process ends after the context, and ignores the signals from then on, so that none
-    changes its exit code.
+    SIGHUP stays ignored if it was ignored before (nohup).
+
+    Args:
+        last: whether the process ends after the context. Then it ignores the signals from the end of the
+            context on, so that no signal changes its exit code.
     """
 
     def __init__(self, *, last: bool = False) -> None:
@@ -142,7 +152,7 @@ class StopRequests:
 
 
 def _acknowledge() -> None:
-    """Prints on standard error that the command is stopping already; never waits for a reader."""
+    """Answers a repeated stop request: prints "stopping already" on standard error if that does not block."""
     with contextlib.suppress(OSError, ValueError):
         if select.select([], [STDERR], [], 0.0)[1]:
             os.write(STDERR, b"stopping already\n")

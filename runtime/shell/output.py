@@ -1,9 +1,9 @@
-"""Standard output and error of a command that must not wait for readers.
+"""Prints without waiting for a reader, so that a reader cannot delay a cell.
 
-A full pipe, an unread socket and a held terminal (Ctrl-S) block writers. Within `unblocked` nothing blocks:
-pending lines are kept, up to `KEPT_BYTES`, and sent before later ones; lines beyond that are dropped, each
-as a whole. At the command's end the reader has `END_S` to take the rest. The journal holds everything; what
-is printed is a copy.
+A full pipe, an unread socket or a held terminal (Ctrl-S) would block a print. In the context `unblocked`
+nothing blocks: lines that the reader does not take are kept, up to `KEPT_BYTES`, and sent before later lines.
+Further lines are dropped. At the command's end the reader has `END_S` to take the kept lines. The journal
+records all events of a run, so that a dropped line is only a lost copy.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ _outlets: dict[int, "Outlet"] = {}
 
 
 class Outlet:
-    """Writes lines to a standard stream, and never waits for its reader."""
+    """Writes lines to a standard stream without waiting for the reader."""
 
     def __init__(self, descriptor: int, now: Callable[[], float]) -> None:
         self.lost = 0  # number of dropped lines
@@ -34,9 +34,9 @@ class Outlet:
         self._file, self._write = _writer(descriptor)
 
     def put(self, data: bytes) -> None:
-        """Sends as much as the reader has room for, and keeps the rest.
+        """Writes a line: sends as much as the reader takes, and keeps the rest for the next call.
 
-        Drops `data`, one line, if more than `KEPT_BYTES` would be kept.
+        Drops the line `data` if more than `KEPT_BYTES` would be kept.
 
         Raises:
             OSError: the reader is gone.
@@ -48,7 +48,7 @@ class Outlet:
         self._push()
 
     def end(self) -> int:
-        """Waits briefly for the reader; returns the total number of lost lines."""
+        """Waits up to `END_S` for the reader to take the kept lines; returns the number of all lost lines."""
         until = self._now() + END_S
         while self._kept and (left_s := until - self._now()) > 0.0:
             select.select([], [self._file], [], left_s)
@@ -73,9 +73,15 @@ class Outlet:
 
 
 def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], int]]:
-    """Opens a standard stream again; returns the file, and a function that writes to it without waiting.
+    """Opens a second file for a standard stream, to write without waiting.
 
-    The stream itself stays blocking, as other processes that share it expect.
+    The stream itself stays blocking, since other processes may share it.
+
+    Args:
+        descriptor: number of the standard stream.
+
+    Returns:
+        The file, and a function that writes bytes and returns their number, or raises BlockingIOError.
     """
     if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
         connection = socket.socket(fileno=fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3))
@@ -86,7 +92,7 @@ def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], 
     except OSError:  # no /proc, or another user's terminal
         file = FileIO(fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3), "w")
         return file, lambda data: _write_if_ready(file.fileno(), data)
-    # Not with the number of a standard stream, should one of them be closed.
+    # With a number of at least 3: if a standard stream is closed, `opened` may have its number.
     file = FileIO(fcntl.fcntl(opened, fcntl.F_DUPFD_CLOEXEC, 3), "w")
     os.close(opened)
     return file, lambda data: os.write(file.fileno(), data)
@@ -99,7 +105,7 @@ def _write_if_ready(descriptor: int, data: bytes) -> int:
 
 
 def outlet_of(file: TextIO) -> Outlet | None:
-    """The outlet of a stream; None if the stream has no outlet and is written as usual."""
+    """The outlet through which to write to a stream; None if the stream is written as usual."""
     try:
         return _outlets.get(file.fileno())
     except (OSError, ValueError):  # in memory, or closed
@@ -108,7 +114,11 @@ def outlet_of(file: TextIO) -> Outlet | None:
 
 @contextlib.contextmanager
 def unblocked(now: Callable[[], float]) -> Iterator[None]:
-    """Context in which `command.say` never waits for a reader; regular files are written as usual."""
+    """Context in which `command.say` never waits for a reader; output to regular files is written as usual.
+
+    Args:
+        now: clock for the deadline at the end, s.
+    """
     for descriptor in (STDOUT, STDERR):
         with contextlib.suppress(OSError):
             mode = os.fstat(descriptor).st_mode

@@ -1,9 +1,9 @@
-"""Text from files and devices: what is allowed in an answer, on a terminal, in a page or a program.
+"""Keeps unprintable characters of files and devices out of answers, terminals, pages and programs.
 
-A line break in a name adds a line to an answer, an escape sequence moves a terminal's cursor, a direction
-mark reverses the rest of a line. So every interface refuses them: `runtime.table` in a table and the job
-inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON. Messages of devices, errors
-and journals cannot be refused: every printed line is `cleaned`.
+A line break in a name would add a line to an answer, an escape sequence would move a terminal's cursor, and a
+direction mark would reverse the rest of a line. So such characters are refused in tables (`runtime.table`),
+jobs (`planner.job`) and files of JSON (`runtime.shell.strict_json`). Messages of devices, errors and journals
+cannot be refused; in them `cleaned` escapes the characters when they are printed.
 """
 
 from collections.abc import Iterator
@@ -19,17 +19,21 @@ def is_plain(text: str, longest: int = LONGEST) -> bool:
 
 
 def unprintable(value: Any) -> str | None:
-    """Finds a text in parsed JSON or TOML, key or value, that is not printable on one line.
+    """Finds a key or a text in parsed JSON or TOML that is not printable on one line.
 
     Returns:
-        That text as `shortened` shows it; None if all texts are printable.
+        The first such text, as `shortened` shows it; None if all texts are printable.
     """
     texts = (item for _, item in nested(value) if isinstance(item, str))
     return next((shortened(text) for text in texts if not text.isprintable()), None)
 
 
 def nested(value: Any) -> Iterator[tuple[int, Any]]:
-    """Yields parsed JSON or TOML and all that it holds, keys too, each with its level; without recursion."""
+    """Yields a value of parsed JSON or TOML and everything inside it, keys too, as pairs (level, value).
+
+    The level is the depth of nesting; the outermost value has level 0. No nesting is too deep, since the
+    function uses no recursion.
+    """
     waiting = [(0, value)]
     while waiting:
         level, item = waiting.pop()
@@ -41,18 +45,18 @@ def nested(value: Any) -> Iterator[tuple[int, Any]]:
 
 
 def cleaned(text: str) -> str:
-    """A text as one line, with line breaks, escape sequences and other unprintable characters escaped."""
+    """Makes a text one printable line: escapes line breaks and other unprintable characters."""
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def capital(sentence: str) -> str:
-    """A sentence with a capital letter at its beginning."""
+    """Returns a sentence with a capital first letter."""
     return sentence[:1].upper() + sentence[1:]
 
 
 def shortened(text: str) -> str:
-    """A text in quotes as ASCII, for an error's sentence; truncated if longer than `SHOWN`."""
+    """Writes a text in quotes and in ASCII, for an error message; cuts a text longer than `SHOWN`."""
     shown = ascii(text[:SHOWN])
     return shown if len(text) <= SHOWN and len(shown) <= SHOWN + 2 else f"{shown[:SHOWN]}..."

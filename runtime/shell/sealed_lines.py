@@ -1,8 +1,8 @@
-"""Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it, as in journals.
+"""The hash-chained lines of journals: each is a JSON object whose last field, `digest`, seals the line.
 
-`previous`, the field before `digest`, is the digest of the line before, `GENESIS` in the first line. A long
-journal has several files: sealed segments, then the journal's own file. The chain continues from one file to
-the next.
+The digest is the SHA-256 of the line without this field. The field before, `previous`, is the digest of the
+line before; in the first line it is `GENESIS`. A long journal has several files: sealed segments, then the
+journal's current file. The chain continues from one file to the next.
 """
 
 import hashlib
@@ -15,24 +15,24 @@ _LENGTH = len(_MARK) + len(GENESIS) + len(_END)
 
 
 def sealed(body: bytes) -> tuple[bytes, str]:
-    """Adds the digest to a JSON object; returns the line and the digest.
+    """Adds the field `digest` to a JSON object; returns the line, with its line break, and the digest.
 
     Args:
-        body: the object as JSON text on one line, without a line end.
+        body: the object as JSON text on one line, without a line break.
     """
     digest = hashlib.sha256(body).hexdigest()
     return body[:-1] + _MARK + digest.encode("ascii") + _END, digest
 
 
 def is_intact(line: bytes) -> bool | None:
-    """Whether the digest at the end of a line matches the line; None where there is no digest."""
+    """Whether the digest at the end of a line matches the line; None if the line has no digest."""
     if not line[-_LENGTH:].startswith(_MARK):
         return None
     return line == sealed(line[:-_LENGTH] + b"}")[0]
 
 
 def segment(path: Path, number: int) -> Path:
-    """Path of the sealed segment `number` of the journal at `path`; numbers start at 1."""
+    """Path of a sealed segment of the journal at `path`; the segments are numbered from 1."""
     return path.with_name(f"{path.name}.{number:06d}")
 
 

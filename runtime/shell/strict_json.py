@@ -1,4 +1,4 @@
-"""A strict parser for JSON of unknown origin: finite numbers, short integers, limited nesting and size."""
+"""A strict parser for JSON of unknown origin: limits size, nesting and digits, refuses infinite numbers."""
 
 import hashlib
 import json
@@ -15,10 +15,11 @@ MOST_BYTES = 4 << 20  # largest size of a file
 
 
 def parse(text: str | bytes) -> Any:
-    """Parses JSON (UTF-8) with finite numbers, short integers and limited nesting.
+    """Parses JSON; returns its value.
 
     Raises:
-        ValueError: the text is not such JSON; the message continues a sentence after "is ".
+        ValueError: the text is not JSON in UTF-8, is nested too deeply, or holds a number that is not finite
+            or has too many digits. The message fits after "is", such as "nested too deeply".
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -42,18 +43,19 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
 
     Args:
         path: the file.
-        refused: builds the error from a sentence that continues after the file's name.
+        refused: builds the error from a message that begins with a verb, such as "cannot be read"; the
+            subject is the file.
         most_bytes: size above which the file is refused.
 
     Raises:
-        Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or holds
-            unprintable text.
+        Exception: the error that `refused` builds: the file cannot be read, is too large, holds unprintable
+            text, or is refused by `parse`.
     """
     return value_of(data_of(path, refused, most_bytes), refused)
 
 
 def data_of(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> bytes:
-    """Reads the bytes of a JSON file for `value_of`; its arguments and errors are those of `load`."""
+    """Reads the bytes of a JSON file, for `value_of`; the arguments and the errors are those of `load`."""
     try:
         with path.open("rb") as file:
             data = file.read(most_bytes + 1)
@@ -65,7 +67,7 @@ def data_of(path: Path, refused: Callable[[str], Exception], most_bytes: int = M
 
 
 def value_of(data: bytes, refused: Callable[[str], Exception]) -> Any:
-    """Parses the bytes of a JSON file; its errors are those of `load`."""
+    """Parses the bytes of a JSON file, and returns its value; the errors are those of `load`."""
     try:
         value = parse(data)
     except ValueError as error:

@@ -1,7 +1,7 @@
-"""A strict parser for TOML of unknown origin: limited size and nesting.
+"""A strict parser for TOML of unknown origin: limits size and nesting.
 
-`tomllib` takes time and memory quadratic in the depth of a key, and stack linear in the depth of a value.
-Both depths are bounded before parsing.
+`tomllib` needs time and memory quadratic in the number of dots of a key, and stack in proportion to the
+nesting of a value. So both are limited before `tomllib` parses the text.
 """
 
 import re
@@ -23,10 +23,11 @@ _TOKENS = re.compile(
 
 
 def parse(text: str) -> dict[str, Any]:
-    """Parses TOML text of limited size and nesting.
+    """Parses TOML; returns its table.
 
     Raises:
-        ValueError: the text is not such TOML; errors of `tomllib` have line and column.
+        ValueError: the text is not TOML, is too large or is nested too deeply. An error of `tomllib` states
+            line and column.
     """
     if len(text) > MOST_BYTES:
         raise ValueError(f"larger than {MOST_BYTES >> 20} MiB")
@@ -36,7 +37,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def _levels(text: str) -> int:
-    """The largest number of open brackets, or of dots within one key."""
+    """The depth of a TOML text: the most brackets that are open at once, or the most dots in a key."""
     most = depth = dots = 0
     for match in _TOKENS.finditer(text):
         token = match[0]

@@ -1,4 +1,7 @@
-"""Finds worlds, simulations of squeezes, by name: `module:factory`, called as `factory(subject, seed)`."""
+"""Finds worlds (simulations of squeezes) by their names.
+
+A name has the form `module:factory`; `factory(subject, seed)` returns the world.
+"""
 
 import sys
 from collections.abc import Callable
@@ -12,11 +15,14 @@ Factory = Callable[[Any, int], Any]
 
 
 class WorldError(Exception):
-    """The world does not exist; the message says what is wrong with its name."""
+    """A world cannot be found or made; the message says why."""
 
 
 def find_factory(name: str) -> Factory:
-    """Imports a factory by its name, `module:factory`; the module may lie in the current folder.
+    """Imports the factory of a world.
+
+    Args:
+        name: the world's name, `module:factory`; the module may be in the current folder.
 
     Raises:
         WorldError: the name is invalid, or the module or factory does not exist.
@@ -25,7 +31,7 @@ def find_factory(name: str) -> Factory:
     if not (module_name and attribute.isidentifier()):
         raise WorldError(f"write it as module:factory, such as {DEFAULT_WORLD}")
     try:
-        # what is installed goes before a local folder
+        # an installed module has priority over one in the current folder
         if find_spec(module_name.partition(".")[0]) is None:
             sys.path.append(str(Path.cwd()))
         factory = getattr(import_module(module_name), attribute, None)
@@ -38,10 +44,15 @@ def find_factory(name: str) -> Factory:
 
 
 def make_world(factory: Factory, subject: object, seed: int) -> Any:
-    """Calls a factory with a subject (the job, or the table for a rehearsal) and a seed.
+    """Makes a world by its factory.
+
+    Args:
+        factory: the factory.
+        subject: the job to simulate; for a rehearsal, the table.
+        seed: seed of the random numbers.
 
     Raises:
-        WorldError: the factory fails, or its result cannot squeeze.
+        WorldError: the factory fails, or its result has no method `squeeze`.
     """
     try:
         world = factory(subject, seed)

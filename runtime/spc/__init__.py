@@ -1,4 +1,4 @@
-"""Statistical process control from journals: whether the cell still matches its table.
+"""Statistical process control: shows from journals whether a cell still behaves as its table predicts.
 
-Reports are made on the cell controller, from journals alone, and so do without numpy.
+Nothing here imports numpy, since reports are made on the cell controller, which has no numpy.
 """

@@ -1,7 +1,7 @@
-"""Control charts: each takes one part after the other and alarms when the cell has changed.
+"""Control charts: each receives values of one part after the other, and alarms when the cell has changed.
 
 With the limits below, the charts together raise less than one false alarm in ten thousand parts.
-After an alarm a chart is reset: a fault that persists alarms again, one that was repaired does not.
+An alarm resets its chart. So a fault that persists raises another alarm, and a repaired fault does not.
 """
 
 from collections import deque
@@ -10,27 +10,30 @@ from dataclasses import dataclass, field
 from math import erfc, exp, lgamma, log, log1p, sqrt
 
 WINDOW = 50  # parts over which shares are taken
-# parts over which frequencies of branches are taken: the short window finds large changes soon, the
-# long one small ones
+# parts over which frequencies of branches are taken: the short window detects large changes soon, the
+# long window detects small changes
 WINDOWS = (50, 200)
 RARE = 1e-5  # false-alarm probability of a window
-UNLIKELY = 2e-5  # this probability for frequencies of branches: chi-square is inexact for less
-LEAST_EXPECTED = 3.0  # least expectation of a chi-square's cell; smaller ones are pooled
-CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a failure, not a drift
+# false-alarm probability of a window of frequencies of branches; the chi-square distribution is too
+# inexact for a smaller probability
+UNLIKELY = 2e-5
+LEAST_EXPECTED = 3.0  # least expected count of a branch; branches that expect less are pooled
+# largest deviation that counts in full, in standard deviations: a single outlier is a failure, not a drift
+CLIP = 3.0
 
 
 @dataclass(slots=True)
 class Cusum:
-    """CUSUM chart for a shift of a mean, upwards or downwards (Page, Biometrika 41, 1954).
+    """CUSUM chart: alarms when the mean of deviations shifts up or down (Page, Biometrika 41, 1954).
 
-    Each deviation adds the log-likelihood ratio of a shift to no shift, given its own standard deviation; so
-    deviations with large scatter weigh little.
+    Each deviation adds the log-likelihood ratio of a shift to no shift. The ratio depends on the deviation's
+    standard deviation: a deviation with large scatter adds little.
     """
 
     shift: float  # shift to be detected, in the unit of the deviations
-    limit: float = 12.0  # log-likelihood ratio at which it alarms
-    up: float = 0.0  # sum for a shift upwards
-    down: float = 0.0
+    limit: float = 12.0  # log-likelihood ratio at which the chart alarms
+    up: float = 0.0  # sum of log-likelihood ratios for a shift upwards
+    down: float = 0.0  # the same sum for a shift downwards
 
     def add(self, deviation: float, sigma: float) -> bool:
         """Adds one deviation and its standard deviation; returns whether the chart alarms."""
@@ -46,7 +49,10 @@ class Cusum:
 
 @dataclass(slots=True)
 class Ewma:
-    """An exponentially weighted mean of standardised values (Roberts, Technometrics 1, 1959)."""
+    """EWMA chart: alarms when the exponentially weighted mean of values is far from zero.
+
+    The values are standardised: of mean 0 and standard deviation 1 (Roberts, Technometrics 1, 1959).
+    """
 
     weight: float = 0.1  # weight of the newest value
     width: float = 5.0  # distance of the limits from zero, in standard deviations of the mean
@@ -54,7 +60,7 @@ class Ewma:
 
     @property
     def limit(self) -> float:
-        """Absolute value of the mean from which the chart alarms."""
+        """The chart alarms when the absolute value of its mean reaches this limit."""
         return self.width * sqrt(self.weight / (2.0 - self.weight))
 
     def add(self, value: float) -> bool:
@@ -69,13 +75,13 @@ class Ewma:
 
 @dataclass(slots=True)
 class BinomialWindowChart:
-    """Tests how many of the last `WINDOW` parts have a property against an expected share (binomial test)."""
+    """Alarms when more of the last `WINDOW` parts have a property than is expected (binomial test)."""
 
-    expected: float
+    expected: float  # share of parts that are expected to have the property
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
     def add(self, had: bool) -> bool:
-        """Adds a part that had the property or not; returns whether the chart alarms."""
+        """Adds one part, given whether the part had the property; returns whether the chart alarms."""
         self.recent.append(had)
         if not had or binomial_tail(sum(self.recent), len(self.recent), self.expected) > RARE:
             return False
@@ -85,17 +91,21 @@ class BinomialWindowChart:
 
 @dataclass(slots=True)
 class GTestChart:
-    """Tests the branches that the last `window` parts took against predicted shares (G test)."""
+    """Alarms when the last `window` parts took branches in other shares than predicted (G test)."""
 
-    shares: Sequence[Sequence[float]]
-    window: int
+    shares: Sequence[Sequence[float]]  # predicted share of each branch of each node
+    window: int  # number of parts
     recent: deque[tuple[tuple[int, int], ...]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
-        """Adds the branches (node, branch) that one part took; returns whether the chart alarms."""
+        """Adds one part, given the branches that it took; returns whether the chart alarms.
+
+        Args:
+            taken: for each squeeze of the part, the indices of node and branch.
+        """
         self.recent.append(taken)
         if len(self.recent) < self.window // 2 or self._tail() > UNLIKELY:
             return False
@@ -103,7 +113,10 @@ class GTestChart:
         return True
 
     def _tail(self) -> float:
-        """Tail probability of the window's likelihood ratio over all nodes."""
+        """Probability of counts at least as unlikely as those in the window, if the shares are right.
+
+        The G statistics of all nodes are added for this.
+        """
         counts = [[0] * len(shares) for shares in self.shares]
         for part in self.recent:
             for node, branch in part:
@@ -113,7 +126,7 @@ class GTestChart:
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic of counts against shares, and its degrees of freedom.
+    """Compares counts with expected shares; returns Pearson's statistic and its degrees of freedom.
 
     The shares need not add up to 1.
     """
@@ -123,9 +136,10 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
 
 
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Twice the logarithm of the likelihood ratio (the G statistic), and its degrees of freedom.
+    """Compares counts with expected shares; returns the G statistic and its degrees of freedom.
 
-    In short windows it detects a missing branch far sooner than Pearson's statistic.
+    The G statistic is twice the logarithm of the likelihood ratio. In short windows the G statistic
+    detects a missing branch far sooner than Pearson's statistic.
     """
     filled = _cells(counts, shares)
     gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
@@ -133,7 +147,11 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 
 
 def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
-    """Returns pairs of an observed and an expected count; cells of small expected count are pooled."""
+    """Returns pairs of an observed and an expected count, one for each branch.
+
+    Branches that expect fewer than `LEAST_EXPECTED` parts are pooled into one pair. The list is empty
+    without counts or shares.
+    """
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
         return []
@@ -148,19 +166,19 @@ def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, 
     if rest_expected >= LEAST_EXPECTED or not filled:
         filled.append((rest_seen, rest_expected))
     elif rest_expected > 0.0:
-        # A remainder of small expectation joins the smallest cell: its own ratio would be noise.
+        # Pooled branches that still expect too few parts join the smallest pair: alone they would be noise.
         smallest = min(range(len(filled)), key=lambda k: filled[k][1])
         filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
     return filled
 
 
 def binomial_tail(least: int, trials: int, share: float) -> float:
-    """Probability of at least `least` successes in `trials` trials."""
+    """Probability of at least `least` successes in `trials` trials; `share` is the chance of each success."""
     return binomial_at_most(trials - least, trials, 1.0 - share)
 
 
 def binomial_at_most(most: int, trials: int, share: float) -> float:
-    """Probability of at most `most` successes in `trials` trials."""
+    """Probability of at most `most` successes in `trials` trials; `share` is the chance of each success."""
     if most < 0 or share >= 1.0:
         return float(most >= trials)
     if share <= 0.0 or most >= trials:
@@ -174,9 +192,13 @@ def binomial_at_most(most: int, trials: int, share: float) -> float:
 
 
 def chi_square_tail(statistic: float, freedom: int) -> float:
-    """Probability that a chi-square variable exceeds the statistic; 1 without degrees of freedom.
+    """Probability that a chi-square variable exceeds a statistic; 1 without degrees of freedom.
 
-    For integer degrees of freedom it is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+    The probability is computed as a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+
+    Args:
+        statistic: the value to exceed.
+        freedom: number of degrees of freedom.
     """
     if freedom <= 0 or statistic <= 0.0:
         return 1.0

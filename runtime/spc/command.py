@@ -1,4 +1,4 @@
-"""`grasp-audit report`: the state of a cell from the journals of many parts."""
+"""`grasp-audit report`: reports the state of a cell from the journals of its runs."""
 
 import argparse
 import json
@@ -71,9 +71,11 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
 
 
 def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
-    """Yields one row for each part; `alarms` has the charts that alarmed, by the part's index.
+    """Yields one row of the exported file for each part; unknown values are None.
 
-    Unknown values are None.
+    Args:
+        parts: the parts, in order.
+        alarms: names of the charts that alarmed at a part, by the part's index.
     """
     for index, part in enumerate(parts):
         ends = (part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes))

@@ -1,11 +1,14 @@
-"""Expected readings by `plan-expect`, and likelihood ratios of readings in other worlds.
+"""Expected readings, as `plan-expect` writes them, and a control chart that compares readings with them.
 
-A part's likelihood ratio compares its readings in another world, such as one of another friction, with the
-planned world. The statistic is a sum over all parts at which the change may have begun; each term is the
-product of the ratios since then (Shiryaev 1963, Roberts 1966). On a healthy cell its mean grows by at most
-one a part, so the mean number of parts to a false alarm is at least the limit (Pollak, Annals of Statistics
-15, 1987). This bound assumes that the shares are exact, and that a reading depends on earlier ones only
-through its node; the shares are counted in trials.
+The expected readings are histograms in several worlds: the planned world, and others, such as one of another
+friction. The likelihood ratio of a part is the probability of its readings in another world, divided by their
+probability in the planned world. The chart's statistic is a sum over all parts at which the cell may have
+changed; each term is the product of the ratios from that part on (Shiryaev 1963, Roberts 1966).
+
+On an unchanged cell the mean of the statistic grows by at most 1 with each part. So the mean number of parts
+until a false alarm is at least the limit (Pollak, Annals of Statistics 15, 1987). This bound assumes that the
+shares in the histograms are exact, although they are counted in trials, and that a reading depends on earlier
+readings only through its node.
 """
 
 from dataclasses import dataclass, field
@@ -19,22 +22,22 @@ from runtime.spc.history import History, Part
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 2
-# prior readings of each node, evenly spread over all bins
+# readings that are added to the counted readings of each node, evenly spread over all bins
 PRIOR = 20.0
-MOST_BINS = 1000  # most bins of a node's readings; tables have fewer
+MOST_BINS = 1000  # most bins of a node's histogram; tables have fewer
 LIMIT = 1.5e4  # mean number of parts to a false alarm of this chart alone
-CLIP = log(200.0)  # largest contribution of one part: a single outlier is no drift
+CLIP = log(200.0)  # largest log-likelihood ratio of one part: a single outlier is no drift
 
 Shares = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Predicted histograms of each node's readings in several worlds; the planned world is the first."""
+    """Predicted histograms of the readings at each node in several worlds, the planned world first."""
 
     table_sha256: str  # digest of the table's file
     names: tuple[str, ...]  # names of the worlds
-    shares: tuple[Shares, ...]  # (nodes, bins) for each world, none of them zero
+    shares: tuple[Shares, ...]  # for each world, shares of shape (nodes, bins), none of them zero
 
     def check(self, history: History) -> None:
         """Checks that the expectation belongs to the table of a history.
@@ -50,16 +53,23 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """Log-likelihood ratios of a part's readings: each other world to the planned one, at most `CLIP`."""
+        """Log-likelihood ratios of a part's readings, one for each world but the planned world.
+
+        Each ratio compares the readings' probability in a world with their probability in the planned world.
+        A ratio above `CLIP` is cut to `CLIP`.
+        """
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
-        # A clipped ratio, like the ratio itself, has a mean of at most one.
+        # On an unchanged cell the likelihood ratio has a mean of at most 1; cutting does not raise the mean.
         return [min(other - planned, CLIP) for other in others]
 
 
 @dataclass(slots=True)
 class ShiryaevRoberts:
-    """Control chart of readings: mean Shiryaev-Roberts statistic of all worlds but the planned one."""
+    """Control chart of readings: alarms when the readings fit another world better than the planned world.
+
+    The chart's value is the Shiryaev-Roberts statistic, averaged over all worlds but the planned world.
+    """
 
     expected: Expectation
     sums: list[float] = field(default_factory=list)
@@ -69,14 +79,14 @@ class ShiryaevRoberts:
 
     @property
     def value(self) -> float:
-        """The mean statistic; the chart alarms when it reaches `LIMIT`."""
+        """The average statistic; the chart alarms when this value reaches `LIMIT`."""
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
         """Adds one part; on an alarm, restarts the chart.
 
         Returns:
-            On an alarm the name of the most likely of the other worlds, else None.
+            On an alarm, the name of the world that fits the readings best; None without an alarm.
         """
         gains = self.expected.gains(table, part)
         pairs = zip(self.sums, gains, strict=True)
@@ -89,7 +99,7 @@ class ShiryaevRoberts:
 
 
 def load(path: Path) -> Expectation:
-    """Reads the output of `plan-expect`.
+    """Reads expected readings from a file that `plan-expect` has written.
 
     Raises:
         InputError: the file cannot be read, or is no output of `plan-expect`.

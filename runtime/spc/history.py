@@ -1,4 +1,4 @@
-"""The parts of one or several journals, and their table."""
+"""Reads the parts that one or several journals recorded, and the table that those runs used."""
 
 import base64
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,45 +17,46 @@ RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class NodeReading(NamedTuple):
-    """A reading at a node, and the index of the branch taken there, None for a reject."""
+    """The width that was read at a node, and the branch that the part took there."""
 
-    node: int
-    branch: int | None
+    node: int  # index of the node
+    branch: int | None  # index of the branch at the node; None for a reject
     width_um: int
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One part, from its first squeeze to its end."""
+    """What the journal recorded of one part: readings, outcome, and the audit's verdict."""
 
-    number: int
+    number: int  # number of the part in its run, from 1
     squeezes: tuple[NodeReading, ...] = ()
-    # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
+    # "leaf", "reject", "unresolved", "fault" and so on; "" before the part has ended
     outcome: str = ""
-    leaf: int | None = None
-    verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
-    # measured minus predicted pose (mm, mm, rad), turned back with the part's plan; None where it was
+    leaf: int | None = None  # index of the leaf at which the part ended; None if it ended at none
+    verdict: str | None = None  # "pass", "fail" or "unknown"; None if the part was not audited
+    # measured minus predicted pose (mm, mm, rad), turned back with the part's plan; None if the pose was
     # not measured
     residual: tuple[float, float, float] | None = None
-    time: str = ""  # of its end, ISO 8601
-    # true pose of a simulated part (mm, mm, rad), turned back with the part's plan; None where it was
-    # not recorded
+    time: str = ""  # when the part ended, ISO 8601
+    # true pose of a simulated part (mm, mm, rad), turned back with the part's plan; None if it was not
+    # recorded
     true: Pose2 | None = None
-    within: bool | None = None  # whether the true pose meets the goal at the leaf, None if unknown
+    # whether the leaf's predicted pose is within the goal of the true pose; None if unknown
+    within: bool | None = None
     turn_rad: float = 0.0  # angle by which the part's plan was turned about the origin
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Parts in the order of runs, their table, and its digest ("" if not from a journal)."""
+    """The parts of several runs of one table."""
 
     table: Table
-    parts: tuple[Part, ...]
-    table_sha256: str = ""
+    parts: tuple[Part, ...]  # in the order of the runs
+    table_sha256: str = ""  # digest of the table's file; "" if the history is not from a journal
 
 
 def read(paths: Sequence[Path]) -> History:
-    """Reads the history of several journals.
+    """Reads several journals, in the order given; returns their parts and their common table.
 
     Raises:
         JournalError: a journal cannot be read, does not verify, or disagrees with its table.
@@ -112,7 +113,10 @@ def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
 
 
 def _whole_records(path: Path) -> Iterator[Entry]:
-    """Yields the records of a journal, without an incomplete last line, on which no action was based."""
+    """Yields the complete records of a journal.
+
+    An incomplete last line, which a crash cut short, is left out: nothing has followed from it.
+    """
     with suppress(TornError):
         yield from records(path)
 

@@ -1,4 +1,8 @@
-"""All control charts over a history or during a run: their values, where they alarm, whether a refit pays."""
+"""All control charts of a table: their values, their alarms, and whether a refit of the job would pay.
+
+A refit (`plan-refit`) learns from journals what is off in the cell. `Monitor` runs the charts over finished
+runs, `Drift` during a run.
+"""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,11 +15,13 @@ from runtime.spc.history import History, NodeReading, Part
 from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
 from runtime.traversal.results import PartResult
 
-WIDTH_SHIFT_UM = 700.0  # shift of widths to detect (worn fingers, a slipped encoder): two counts
+# shift of widths to detect (worn fingers, a slipped encoder): two counts of the encoder
+WIDTH_SHIFT_UM = 700.0
 LEAST_WIDTH_SIGMA_UM = 150.0
-FLOOR_SHARE = 1.0 / 12.0  # least standard deviation of residuals, as a share of the goal
-LEAST_SHARE = 2e-3  # least share of failures that a prediction is trusted to have
-NEAR_UM = 3000  # distance within which a rejected width counts for a branch
+FLOOR_SHARE = 1.0 / 12.0  # least standard deviation of residuals, as a share of the goal's distance
+# least share of failures or rejects to expect, however small the predicted share is
+LEAST_SHARE = 2e-3
+NEAR_UM = 3000  # distance from a branch within which a rejected width is compared with this branch
 COORDINATES = ("x", "y", "theta")
 LEAST_REFIT = 20  # least parts for a refit
 DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of quantities that a refit learns
@@ -24,12 +30,12 @@ RECENT = 120  # squeezes whose chart values are kept
 
 
 class Alarm(NamedTuple):
-    """An alarm of a chart at a part, by its index in the history and its number in its run."""
+    """An alarm that a control chart raised when a part was added."""
 
-    place: int
-    number: int
-    chart: str
-    sentence: str
+    place: int  # index of the part in the history
+    number: int  # number of the part in its run
+    chart: str  # name of the chart
+    sentence: str  # what has changed, and what to do
 
 
 MOVED = "look whether camera, table or arm have moved"
@@ -55,22 +61,23 @@ STEADY = {
 
 
 class Monitor:
-    """The control charts of one table, which receive one part after the other.
+    """The control charts of one table: `add` sends a part to all charts, and returns their alarms.
 
-    Only the parts within the charts' windows are kept. `drawn` has the values of the charts to draw:
-    `wider` and `narrower` after each squeeze, `COORDINATES` after each measured part, and `friction` after
-    each part if readings are expected.
+    Only the parts within the charts' windows are kept. `drawn` holds the values of the charts that reports
+    draw: the cumulative sums `wider` and `narrower` of widths after each squeeze, the mean residuals `x`, `y`
+    and `theta` after each measured part, and the statistic `friction` of readings after each part, if there
+    are expected readings.
     """
 
     def __init__(
         self, table: Table, expected: Expectation | None = None, keep: int | None = None
     ) -> None:
-        """Starts without parts.
+        """Sets the charts up for a table; no part has been added yet.
 
         Args:
             table: the table.
-            expected: the expected readings, if known.
-            keep: number of values kept of each drawn chart; None: all.
+            expected: the expected readings of the table; None if not known.
+            keep: number of latest values to keep for each name in `drawn`; None keeps all.
         """
         predicted = table.predicted
         rejects = round(predicted.reject_ppm / PPM * predicted.trials)
@@ -86,7 +93,7 @@ class Monitor:
         self.drawn = defaultdict[str, deque[float]](lambda: deque(maxlen=keep))
 
     def watch(self, history: History) -> Iterator[Alarm]:
-        """All alarms of a history of this table, in order.
+        """Adds all parts of a history, and yields the alarms in order.
 
         Raises:
             UsageError: the expectation belongs to another table.
@@ -97,7 +104,7 @@ class Monitor:
             yield from self.add(part)
 
     def add(self, part: Part) -> list[Alarm]:
-        """Adds one part; returns the alarms."""
+        """Adds one part to all charts; returns the alarms that the part raises."""
         sentences = {chart: MEANING[chart] for chart in self._alarmed(part)}
         if self.readings is not None:
             world = self.readings.add(self.table, part)
@@ -132,7 +139,7 @@ class Monitor:
 
 
 class Drift:
-    """The control charts of a table, fed during a run; `add` returns whether a refit would pay."""
+    """The control charts of a table during a run; `add` returns whether a refit (`plan-refit`) would pay."""
 
     def __init__(self, table: Table) -> None:
         self._charts = Monitor(table, keep=RECENT)
@@ -140,7 +147,11 @@ class Drift:
         self._alarms: dict[str, Alarm] = {}  # the latest alarm of each chart
 
     def as_object(self) -> dict[str, object]:
-        """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
+        """The figures for the live page, in the form of JSON.
+
+        They are the latest cumulative sums of the widths' chart, the limit of the sums, and the latest alarm
+        of each chart.
+        """
         drawn = self._charts.drawn
         return {
             **{name: [round(v, 2) for v in drawn[name]] for name in ("wider", "narrower")},
@@ -149,7 +160,7 @@ class Drift:
         }
 
     def add(self, result: PartResult) -> bool:
-        """Adds a part that has ended; returns whether a refit would pay now."""
+        """Adds a part that has ended; returns whether a refit of the job (`plan-refit`) would pay now."""
         nodes = self._charts.table.nodes
         squeezes = (
             NodeReading(step.node, nodes[step.node].branch_to(step.target), step.width_um)
@@ -163,16 +174,23 @@ class Drift:
 
 
 def failure_share(predicted: Prediction) -> float:
-    """Upper end of the 95 % interval of a table's share of failures, at least `LEAST_SHARE`."""
+    """The largest share of failures that fits a table's evaluation, for the chart of failures.
+
+    Returns:
+        The upper end of the 95 % confidence interval, at least `LEAST_SHARE`.
+    """
     failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 
 
 def deviation(table: Table, squeeze: NodeReading) -> tuple[float, float]:
-    """Read width minus the branch's expected width, and the standard deviation of that difference, um.
+    """Compares a width that was read with the expected width of its branch.
 
-    A rejected width is compared with the nearest branch. If none is near, the deviation is 0 and its standard
-    deviation infinite.
+    A rejected width is compared with the branch whose expected width is nearest.
+
+    Returns:
+        The deviation (read minus expected width) and its standard deviation, um. For a rejected width that is
+        farther than `NEAR_UM` from this branch: 0 and infinity, so that the deviation does not count.
     """
     branches = table.nodes[squeeze.node].branches
     if squeeze.branch is None:
@@ -181,14 +199,18 @@ def deviation(table: Table, squeeze: NodeReading) -> tuple[float, float]:
             return 0.0, inf
     else:
         nearest = branches[squeeze.branch]
-    # An interval contains all widths seen in planning: its scatter is at most the scatter of an even
-    # distribution.
+    # All widths seen in planning lie within the branch's interval; the scatter is taken as that of an even
+    # distribution over the interval.
     spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
     return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)
 
 
 def standardised(table: Table, part: Part) -> tuple[float, ...]:
-    """A part's residual in standard deviations of its leaf's pose; empty where the part was not measured."""
+    """A part's residual (measured minus predicted pose) in standard deviations, for the charts of residuals.
+
+    The standard deviations are those of the leaf at which the part ended. The result (x, y, theta) is empty
+    if the part's pose was not measured.
+    """
     if part.residual is None or part.leaf is None:
         return ()
     scale = sigmas(table, table.leaves[part.leaf])
@@ -196,9 +218,10 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
-    """Standard deviations of a leaf's pose, mm, mm, rad.
+    """Standard deviations of x, y and theta of the parts at a leaf, mm, mm, rad.
 
-    Each is at least `FLOOR_SHARE` of the goal's distance; the angle counts with the weight rho.
+    Each is at least `FLOOR_SHARE` of the goal's distance. For the angle this distance is divided by the
+    goal's weight rho, in mm per rad.
     """
     moments = leaf.covariance
     floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
@@ -211,10 +234,10 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
 
 
 def branch_shares(table: Table) -> list[list[float]]:
-    """Predicted shares of each node's branches.
+    """For each node, the predicted share of parts that take each branch.
 
-    They are counted from the trials that the evaluation recorded at the leaves below each branch. No share
-    is zero. At a node that no trial reached, the shares are the branches' probabilities in the table.
+    The shares are counted from the trials that the evaluation recorded at the leaves below each branch, and
+    none is zero. At a node that no trial reached, the shares are the branches' probabilities in the table.
     """
     reached = [0] * len(table.nodes)
 
@@ -232,13 +255,13 @@ def branch_shares(table: Table) -> list[list[float]]:
 def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
     if not any(trials):
         return [branch.probability_ppm / PPM for branch in branches]
-    # Half a trial more (Jeffreys): a branch that no trial took is rare, not impossible.
+    # Each branch gets half a trial more (Jeffreys): a branch that no trial took is rare, not impossible.
     total = sum(trials) + 0.5 * len(trials)
     return [(taken + 0.5) / total for taken in trials]
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
-    """Counts of the readings on each branch of each node; the last count of a node counts its rejects."""
+    """Counts the squeezes at each node by branch; the last count of a node is the number of rejects."""
     counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
     for part in parts:
         for squeeze in part.squeezes:

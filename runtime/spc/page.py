@@ -1,4 +1,4 @@
-"""The report as one HTML page: what to do first, then the figures, the charts, and tables on demand."""
+"""The report as one HTML page: first what to do, then key figures and charts, and last tables to unfold."""
 
 from collections.abc import Iterable, Iterator
 from html import escape
@@ -37,7 +37,7 @@ def page(title: str, summary: Summary) -> str:
 
 
 def picture(chart: Series) -> Iterator[str]:
-    """A chart below its heading; empty without values."""
+    """Yields the HTML of a chart: its heading, the drawing and a note; nothing if the chart has no values."""
     if any(line.values for line in chart.lines):
         yield f"<section><h2>{escape(chart.heading)}</h2>"
         yield charts.trend(chart.heading, chart.lines, chart.limits, chart.step)
@@ -85,7 +85,7 @@ def _names(summary: Summary) -> Iterator[str]:
 
 
 def _leaves(rows: Iterable[LeafRow]) -> Iterator[str]:
-    """A table of the leaves, with the columns that have a value for some leaf."""
+    """Yields the HTML of the table of leaves; columns that are empty for all leaves are left out."""
     rows = list(rows)
     columns = {
         "leaf": [str(row.leaf) for row in rows],

@@ -1,4 +1,8 @@
-"""Summary for a report: success against the prediction, residuals by leaf, fit of the branches, charts."""
+"""Summarises the parts of journals for a report.
+
+A summary compares the success with the table's prediction, the measured poses with the predicted poses, and
+the branches that parts took with the expected shares. It also holds the alarms and values of control charts.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,84 +20,93 @@ from runtime.spc.history import History, Part, by_leaf
 from runtime.spc.monitor import COORDINATES, DRIFTED, LEAST_REFIT, STEADY, Alarm, Monitor
 from runtime.table import PPM, wilson_interval
 
-PREDICTED_FROM = 6000  # assumed trials behind a share without a stated number
-STRANGE = 1e-3  # probability of branches below which the cell differs from the planned one
+PREDICTED_FROM = 6000  # number of trials behind predicted shares, assumed if the table states none
+# a refit would pay if the counts of branches have a smaller probability than this in the planned cell
+STRANGE = 1e-3
 GROUP = 50  # audited parts for one point of the p-chart
 
 
 class Series(NamedTuple):
-    """A chart to draw: values for each step, and limits."""
+    """A chart to draw: lines over numbered steps, with limits."""
 
-    heading: str  # heading in plain words
+    heading: str  # what the chart shows, in plain words
     lines: tuple[Line, ...]
-    limits: tuple[float, ...]
-    step: str
-    method: str  # description of the values
+    limits: tuple[float, ...]  # values at which the chart alarms
+    step: str  # what a step is, such as "squeeze" or "part"
+    method: str  # what the values are, and the statistical method
 
 
 class LeafRow(NamedTuple):
-    """The parts that ended at one leaf."""
+    """Row of a report: counts and residuals of the parts that ended at one leaf."""
 
-    leaf: int
-    parts: int
-    judged: int  # how many of the parts were judged to pass or fail
+    leaf: int  # index of the leaf
+    parts: int  # number of parts
+    judged: int  # number of these parts that an audit judged to pass or fail
     passed: int
-    predicted: float | None  # success rate that the table predicts, None where no trial ended there
-    # mean and standard deviation of x [mm], y [mm] and theta [rad]; empty where none was measured
+    # success rate that the table predicts; None if no trial ended at the leaf
+    predicted: float | None
+    # residuals: mean and standard deviation of x [mm], of y [mm] and of theta [rad]; empty if no part was
+    # measured
     residuals: tuple[tuple[float, float], ...]
 
 
 class NameRow(NamedTuple):
-    """The located parts that were identified as one of the table's hypotheses."""
+    """Row of a report: number of located parts that were identified as one of the table's hypotheses."""
 
-    name: str
+    name: str  # name of the hypothesis
     parts: int
-    share: float  # share of such parts that the table states
+    share: float  # share that the hypothesis has by the table
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node, compared with the shares of the table by Pearson's chi-square test."""
+    """Row of a report: compares the squeezes at one node with the predicted shares of its branches.
 
-    node: int
-    counts: tuple[int, ...]  # count of each branch, and last of the rejects
-    shares: tuple[float, ...]
-    statistic: float
-    freedom: int
+    The comparison is Pearson's chi-square test.
+    """
+
+    node: int  # index of the node
+    counts: tuple[int, ...]  # number of squeezes on each branch; the last number is of the rejects
+    shares: tuple[float, ...]  # predicted share of each branch
+    statistic: float  # Pearson's statistic
+    freedom: int  # degrees of freedom of the statistic
     tail: float  # probability of a larger statistic if the table is right
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Figures of the parts in journals: outcomes, verdicts, success, leaves, nodes and control charts."""
+    """What a report shows of the parts in journals."""
 
-    outcomes: dict[str, int]
-    verdicts: dict[str, int]
+    outcomes: dict[str, int]  # number of parts by outcome
+    verdicts: dict[str, int]  # number of audited parts by verdict
     passed: int
     judged: int  # parts judged to pass or fail, of which `passed` passed
-    interval: tuple[float, float]
-    predicted: float
+    interval: tuple[float, float]  # 95 % interval of the success rate
+    predicted: float  # success rate that the table predicts
     agrees: bool  # whether the interval contains the predicted success rate
     leaves: tuple[LeafRow, ...]
     nodes: tuple[NodeRow, ...]
-    tail: float  # tail probability of the chi-square over all nodes
+    tail: float  # probability of counts at all nodes that fit the table as badly, if the table is right
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
-    names: tuple[NameRow, ...] = ()  # for a table of several parts
+    names: tuple[NameRow, ...] = ()  # one for each hypothesis; empty for a table of a single part
 
     @property
     def names_tail(self) -> float:
-        """Tail probability of the counts in `names` by the chi-square test against the stated shares."""
+        """Probability that chance alone makes the counts in `names` differ this much from the table's shares.
+
+        The probability is that of Pearson's chi-square test.
+        """
         counts, shares = [row.parts for row in self.names], [row.share for row in self.names]
         return chi_square_tail(*chi_square(counts, shares))
 
     @property
     def refit(self) -> bool:
-        """Whether the readings differ from the planned cell's readings, so that a refit would pay."""
+        """Whether a refit (`plan-refit`) would pay: parts are many enough, and readings not as planned."""
         drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 
     def fields(self) -> dict[str, object]:
-        """The summary in the form of JSON."""
+        """The summary in the form of JSON, without leaves, nodes and charts."""
         return {
             "parts": sum(self.outcomes.values()),
             "outcomes": self.outcomes,
@@ -112,7 +125,11 @@ class Summary:
 
 
 def summarise(history: History, expected: Expectation | None = None) -> Summary:
-    """Summarises a history; the chart of readings is included if the expectation is known.
+    """Summarises a history for a report.
+
+    Args:
+        history: the parts and their table.
+        expected: the expected readings, for the chart of readings; None leaves this chart out.
 
     Raises:
         UsageError: the expectation belongs to another table.
@@ -143,7 +160,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
 
 def _charts(history: History, monitor: Monitor, alarms: Sequence[Alarm]) -> Iterator[Series]:
     def heading(chart: str) -> str:
-        """Heading of a chart: the sentence of its first alarm, or a sentence that no chart alarmed."""
+        """Heading of a chart: the sentence of its first alarm; without an alarm, one from `STEADY`."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
         return capital(next(sentences, STEADY[chart]))
 
@@ -166,7 +183,7 @@ def _charts(history: History, monitor: Monitor, alarms: Sequence[Alarm]) -> Iter
 
 
 def failures(history: History) -> Series:
-    """The p-chart: share of failures in each group of `GROUP` audited parts."""
+    """The chart of failures (a p-chart): the share of failures in each group of `GROUP` audited parts."""
     judged = [part.verdict == "fail" for part in history.parts if part.verdict in ("pass", "fail")]
     groups = [judged[k : k + GROUP] for k in range(0, len(judged), GROUP)]
     expected = monitors.failure_share(history.table.predicted)
@@ -179,7 +196,7 @@ def failures(history: History) -> Series:
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
-    """Returns the number of parts that passed, and the number of parts that passed or failed."""
+    """Returns two numbers: of parts that passed their audit, and of parts that passed or failed."""
     passed = sum(part.verdict == "pass" for part in parts)
     return passed, passed + sum(part.verdict == "fail" for part in parts)
 
@@ -189,7 +206,7 @@ def _counted(names: Iterator[str]) -> dict[str, int]:
 
 
 def _names(history: History) -> Iterator[NameRow]:
-    """Yields the number of located parts of each hypothesis; none for a table of a single part."""
+    """Yields a row for each hypothesis; nothing for a table of a single part."""
     table = history.table
     resolved = (part.leaf for part in history.parts if part.outcome == "leaf")
     given = Counter(table.leaves[leaf].hypothesis for leaf in resolved if leaf is not None)
@@ -213,7 +230,7 @@ def _nodes(history: History) -> Iterator[NodeRow]:
     for index, counts in enumerate(monitors.branch_counts(history.parts, table)):
         shares = tuple(predicted[index])
         statistic, freedom = chi_square(counts[:-1], shares)
-        # The prediction is itself a count of trials: the difference of two samples scatters more.
+        # The predicted shares are counted in trials, and scatter, too: the statistic is reduced for that.
         statistic /= 1.0 + len(history.parts) / trials
         tail = chi_square_tail(statistic, freedom)
         yield NodeRow(index, tuple(counts), shares, statistic, freedom, tail)

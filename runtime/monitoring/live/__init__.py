@@ -1,1 +1,1 @@
-"""Live views of a run in a browser; loaded only on request."""
+"""The live page, which follows a run in a browser; its modules are loaded only if a run serves the page."""

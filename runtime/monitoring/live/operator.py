@@ -1,6 +1,6 @@
-"""The operator's page: state, yield, takt, lost parts, widths, the table, the last parts.
+"""Writes the HTML of the operator's view: state, yield, takt, lost parts, widths, last parts, table.
 
-The server writes the HTML, which the browser only inserts; all text from files and devices is escaped.
+The browser only inserts this HTML into the live page. All text from files and devices is escaped.
 """
 
 from collections.abc import Iterator, Mapping
@@ -40,11 +40,15 @@ KINDS = {
 HEADS = ("part", "outcome", "lies at", "squeezes", "seconds", "audit", "why")
 CHANGE = (Path(__file__).parent / "templates" / "change.html").read_text("utf-8")
 NONE = "\N{EN DASH}"
-Outlines = list[list[list[float]]]  # outlines (n, 2) of each possible part [mm]; empty if unknown
+Outlines = list[list[list[float]]]  # outline (n, 2) of each hypothesis [mm]; empty if unknown
 
 
 def state(seen: Mapping[str, Any]) -> str:
-    """The state of the cell in large letters, from a status (`Status.as_object`)."""
+    """The HTML that shows in large letters what the cell is doing, or how the run ended.
+
+    Args:
+        seen: the run's status (`Status.as_object`).
+    """
     if seen["end"] is not None:
         last = seen["last_part"] or {"reason": None, "safe_state": []}
         said = [last["reason"], *last["safe_state"]] if seen["end"]["grade"] != "good" else []
@@ -56,12 +60,12 @@ def state(seen: Mapping[str, Any]) -> str:
 
 
 def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
-    """The HTML below the state: figures, lost parts, widths, last parts and table.
+    """The HTML below the state: warnings, figures, lost parts, widths, last parts and table.
 
     Args:
         loaded: the table.
         outlines: outlines of the table's parts.
-        seen: the status (`Status.as_object`).
+        seen: the run's status (`Status.as_object`).
     """
     return "\n".join(
         [
@@ -107,9 +111,10 @@ def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
-    """Position and angle, as texts, of a part or, if the job names one, of its drawing's datum.
+    """Writes the pose of a located part as two texts: the position, and the angle.
 
-    The text of the angle begins with the name of the part if there are several.
+    The pose is that of the drawing's datum if the job names a datum. In a table of several parts the second
+    text begins with the part's name.
     """
     shown = answer["datum"] or answer
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
@@ -153,13 +158,15 @@ def _named(loss: Mapping[str, Any]) -> str:
 
 
 def picture(loaded: Table, outlines: Outlines, node: int, width_mm: float | None) -> str:
-    """Draws, as SVG and to scale, the fingers at the squeeze that lost a part, and the part as predicted.
+    """Draws the last squeeze of a lost part as SVG, to scale: the fingers, and where a part usually lies.
+
+    The part is drawn at the pose that the table predicts after the branch whose expected width is nearest.
 
     Args:
         loaded: the table.
         outlines: outlines of the table's parts.
         node: index of the squeeze's node.
-        width_mm: distance between the fingers; None: the fingers are open.
+        width_mm: distance between the fingers; None: the fingers are drawn open.
     """
     squeeze, gripper = loaded.nodes[node].squeeze, loaded.gripper
     half = 0.5 * (squeeze.opening_um / 1000 if width_mm is None else width_mm)
@@ -188,7 +195,14 @@ def _moved(drawn: str, x_um: int, y_um: int, angle_urad: int) -> str:
 
 
 def _usual(loaded: Table, node: int, width_mm: float | None) -> int:
-    """Index of the likeliest leaf below a node's branch whose expected width is nearest to `width_mm`."""
+    """Index of the leaf that parts reach most often after a squeeze with a given width.
+
+    Args:
+        loaded: the table.
+        node: index of the squeeze's node.
+        width_mm: the width, which selects the branch with the nearest expected width; None selects the
+            likeliest branch.
+    """
     branches = loaded.nodes[node].branches
     target = max(branches, key=lambda branch: branch.probability_ppm).target
     if width_mm is not None:

@@ -1,7 +1,7 @@
-"""The page that follows a run: the operator's view, and on demand the tree of the table.
+"""The live page, which follows a run: the operator's view, and on demand the tree of the table.
 
-The page contains everything except the state, which it requests from its server. Pictures show the part's
-outline where the table carries its job.
+The page contains all but the run's status, which it requests from its server again and again. Its pictures
+show the part's outline if the table carries its job.
 """
 
 import json
@@ -23,21 +23,24 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class Parts(NamedTuple):
-    """Names and outlines of the parts of a table, from the job inside it."""
+    """Names and outlines of a table's parts, as the job in the table states them."""
 
     name: str  # the names joined by "or"; "Decision table" if unknown
     outlines: list[list[list[float]]]  # outline (n, 2) of each part [mm]; empty if unknown
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
-    """Returns, by URL path, the media type of each page of a run and a function that returns its content.
+    """Builds the pages that a run's server offers: the live page, its changing part, status and metrics.
 
     Args:
         table: the table.
         name: name of the table's file.
         status: status of the run.
+
+    Returns:
+        For each URL path, the media type, and a function that returns the content.
     """
-    # Built once, before anything moves.
+    # The live page is built once, before anything moves.
     html, outlines = page(table, name).encode(), parts(table).outlines
 
     def screen() -> bytes:
@@ -56,7 +59,12 @@ def pages(table: Table, name: str, status: Status) -> Pages:
 
 
 def page(table: Table, name: str) -> str:
-    """The page's text, for a table and the name of its file."""
+    """Builds the HTML of the live page.
+
+    Args:
+        table: the table that the run executes.
+        name: name of the table's file.
+    """
     name_of_parts, outlines = parts(table)
     style, script, below = (
         (TEMPLATES / f"live.{kind}").read_text("utf-8") for kind in ("css", "js", "html")
@@ -73,7 +81,12 @@ def page(table: Table, name: str) -> str:
 
 
 def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
-    """Data for the page's script: columns of a table in the table's units, and the parts' outlines [mm]."""
+    """Builds the data from which the page's script draws the tree: nodes, branches, leaves and outlines.
+
+    Args:
+        table: the table; its values are passed on in the table's units.
+        outlines: outlines of the table's parts, mm.
+    """
     branches = [
         {"node": index, **branch._asdict()}
         for index, node in enumerate(table.nodes)
@@ -98,12 +111,15 @@ def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
 
 
 def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
-    """Converts rows to one list for each name; as JSON this is shorter than names in every row."""
+    """Converts rows to columns: a list of values for each name, which is shorter in JSON than rows."""
     return {name: [row[name] for row in rows] for name in names}
 
 
 def parts(table: Table) -> Parts:
-    """Names and outlines of a table's parts; unknown if the table has no job, or one of another format."""
+    """Reads names and outlines of a table's parts from the job in the table.
+
+    They are unknown if the table has no job, or if the job has another format.
+    """
     try:
         listed = [entry["part"] for entry in parts_of(job_of(table) or {})]
         outlines = [[[float(x), float(y)] for x, y in part["outline_mm"]] for part in listed]

@@ -1,7 +1,7 @@
-"""The TCP server of the live page: its address, and its answers.
+"""The HTTP server of the live page, and the addresses of all servers of a run.
 
-It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machine only. It answers GET and
-HEAD of a few pages, and anything else with one sentence.
+The server answers the methods GET and HEAD for a few pages; other requests get one sentence. If its address
+has no host, only this machine can connect.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ Pages = Mapping[str, tuple[str, Callable[[], bytes]]]
 REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
 HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 TEXT = "text/plain; charset=utf-8"
-MOST_CLIENTS = 8  # one more disconnects the oldest
+MOST_CLIENTS = 8  # a further client disconnects the client that connected first
 PATIENCE_S = 5.0
 PAUSE_S = 0.02  # pause after each accepted client: at most fifty a second
 MAX_ASK_BYTES = 8192
@@ -37,7 +37,7 @@ Connection: close\r
 
 
 class Address(NamedTuple):
-    """A host, by name or number, and a TCP port; port 0 stands for any free one."""
+    """A host, given by name or number, and a TCP port; port 0 stands for any free port."""
 
     host: str
     port: int
@@ -47,7 +47,11 @@ class Address(NamedTuple):
 
 
 def parse(text: str, option: str = "--http") -> Address:
-    """Parses an address in the form of an option.
+    """Parses the address that is the value of an option: `PORT`, `HOST:PORT` or `[HOST]:PORT`.
+
+    Args:
+        text: the value; without a host, the host is this machine.
+        option: name of the option, for error messages.
 
     Raises:
         UsageError: the text is not an address.
@@ -68,18 +72,17 @@ def parse(text: str, option: str = "--http") -> Address:
 def served(
     text: str, option: str, schemes: Collection[str], *, network: bool, risk: str
 ) -> Address:
-    """Parses the address `SCHEME://HOST:PORT` of an option at which clients connect.
+    """Parses the address `SCHEME://HOST:PORT` at which a server listens, and checks that it is allowed.
 
     Args:
-        text: value of the option.
+        text: value of the option that states the address.
         option: name of the option.
         schemes: the valid schemes.
-        network: whether an address that other machines reach is allowed.
-        risk: what a client at the address may do.
+        network: whether other machines may reach the address.
+        risk: what any client that connects may do, for the error message.
 
     Raises:
-        UsageError: the text is not such an address, or the address may be reached by other machines without
-            permission.
+        UsageError: the text is not such an address, or other machines reach the address and must not.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:
@@ -95,7 +98,7 @@ def served(
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host, by name or number, is a loopback address."""
+    """Whether a host, given by name or number, is this machine itself (loopback)."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -103,12 +106,19 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer:
-    """Answers requests on a TCP port, in separate threads; leaving the context closes port and connections.
+    """Serves pages over HTTP in separate threads; leaving the context ends the server.
 
-    Server and control loop never wait for each other. The cost of the server is bounded by limits for clients
-    at a time (a thread each), clients a second, bytes of a request, and seconds for a request and its
-    response. Only complete requests are answered; a client that sends none within `PATIENCE_S` is
-    disconnected. The attribute `address` has the actual port in place of 0.
+    The server and the run never wait for each other. To bound the load by clients, the server limits the
+    number of clients, the clients a second, the bytes of a request, and the seconds for a request and its
+    response. A client that sends no complete request within `PATIENCE_S` is disconnected.
+
+    Args:
+        address: the address; port 0 takes any free port.
+        pages: media type and content of each page, by path.
+
+    Attributes:
+        address: the address with the actual port.
+        local: whether only this machine can connect.
 
     Raises:
         UsageError: the address is not available.
@@ -126,7 +136,7 @@ class PageServer:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends all connections and stops listening."""
+        """Stops listening, and ends all connections."""
         self._ended.set()
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)  # ends its `accept`
@@ -141,8 +151,8 @@ class PageServer:
     def _serve(self) -> None:
         with self._listener:
             while not self._ended.is_set():
-                # The client is gone, or there are no descriptors or threads left: the pause helps
-                # there, too.
+                # An error means that the client is gone, or that no descriptors or threads are left. The
+                # pause below helps then, too.
                 with contextlib.suppress(OSError, RuntimeError):
                     self._let_in(self._listener.accept()[0])
                 self._ended.wait(PAUSE_S)
@@ -160,7 +170,7 @@ class PageServer:
             self._clients[client] = thread
 
     def _disconnect(self, client: socket.socket) -> None:
-        """Shuts down a client's connection, if it is still open; this also ends its thread."""
+        """Shuts down a client's connection if it is still open; this also ends the client's thread."""
         with self._lock, contextlib.suppress(OSError):
             if self._clients.pop(client, None) is not None:
                 client.shutdown(socket.SHUT_RDWR)
@@ -177,7 +187,7 @@ class PageServer:
             client.close()
 
     def _read(self, client: socket.socket) -> bytes | None:
-        """Receives the head of a request; returns None if the head is incomplete."""
+        """Receives the head of a request; returns None if no complete head comes within `PATIENCE_S`."""
         asked, until = b"", self._clock.now() + PATIENCE_S
         while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
             client.settimeout(max(until - self._clock.now(), 1e-3))
@@ -196,9 +206,9 @@ def listening(address: Address, option: str, *, at_once: bool = True) -> socket.
 
     Args:
         address: the address.
-        option: the option that states it.
-        at_once: whether the socket listens now; otherwise it only reserves the address, at which connections
-            are refused.
+        option: the option that states the address, for error messages.
+        at_once: whether the socket listens now. Otherwise the socket only reserves the address, and
+            connections are refused.
 
     Raises:
         UsageError: the address is not available.
@@ -236,20 +246,27 @@ def _sentence(error: OSError, address: Address) -> str:
 
 
 def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    """A complete HTTP response with a body; `more` are header lines, each with its end."""
+    """Builds an HTTP response.
+
+    Args:
+        code: status code.
+        kind: media type of the body.
+        body: the body.
+        more: further header lines, each with its line end.
+    """
     status = HTTPStatus(code)
     head = f"HTTP/1.0 {status} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
     return f"{head}{more}{ALWAYS}\r\n".encode() + body
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """Returns the complete response to a request.
+    """Returns the complete HTTP response to a request.
 
     Args:
         pages: media type and content of each page, by path.
         asked: the request's head.
-        local: whether a request that names a host other than this machine is refused. So a foreign page whose
-            host name resolves to this machine (DNS rebinding) can read nothing.
+        local: whether to refuse requests whose header names a host other than this machine. Then a foreign
+            page whose host name resolves to this machine (DNS rebinding) can read nothing.
     """
     line, _, fields = asked.partition(b"\n")
     understood = REQUEST.match(line)

@@ -1,1 +1,4 @@
-"""Acceptance of a cell: studies of the squeeze as a gauge, a sequential verdict, the run-off sheet."""
+"""Accepts a cell: judges a run-off after any number of parts, and studies the squeeze as a gauge.
+
+A run-off is a series of audited parts in a new cell. Its results are printed on the run-off sheet.
+"""

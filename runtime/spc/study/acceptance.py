@@ -1,15 +1,15 @@
-"""Acceptance of a cell: is the share of failed parts below a limit? It may be checked after any part.
+"""Acceptance of a cell: tests, after any number of parts, whether the share of failed parts is below a limit.
 
 A part is good if it ended at a resolved leaf and its audit passed. A part that was rejected, unresolved,
-faulted or judged wrong has failed. A part at a leaf without a judgement is unknown, and counts against
-either verdict. Parts that the operator stopped, or that were given up (aborted), are left out.
+faulted or judged wrong has failed. A part that ended at a leaf but was not judged is unknown: the test counts
+it as failed before it accepts, and as good before it refuses. Parts that the operator stopped, or that were
+given up (aborted), are left out.
 
-The verdict is a sequential test by a confidence sequence. Let m be the true share of failures, and S the
-number of failures among the first n parts. Then the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S),
-mixed over a beta distribution of s, exceeds 1 / ERROR at any n with probability ERROR at most (Ville 1939;
-Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the test may be checked
-after each part, and the study ended as soon as it is decided: a wrong verdict still has probability ERROR at
-most.
+The test is sequential. Let m be the true share of failures, and S the number of failures among the first n
+parts. Average the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S) over a beta distribution of s. The
+probability that this average ever exceeds 1 / ERROR, at whatever n, is at most ERROR (Ville 1939; Howard,
+Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the study may be checked after
+each part and end with the first verdict: a wrong verdict has probability ERROR at most.
 """
 
 from bisect import bisect_left
@@ -22,16 +22,17 @@ from typing import NamedTuple
 from runtime.spc.charts import binomial_at_most
 from runtime.spc.history import Part
 
-ERROR = 0.05  # probability that a verdict is ever wrong, at any number of looks
+ERROR = 0.05  # probability of a wrong verdict, however often the study is checked
 POWER = 0.9  # probability of acceptance for which a number of parts is planned
-CONTAINED = 0.95  # probability with which a number of parts contains the readings asked for
+# probability that a planned number of parts contains the readings that are required
+CONTAINED = 0.95
 MOST_PARTS = 10_000_000
 LEFT_OUT = frozenset({"stopped", "aborted", ""})
 _SHAPE = 0.5
 
 
 class Verdict(StrEnum):
-    """Verdict of a study."""
+    """Verdict of an acceptance study: accepted, refused, or open while the parts are too few."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
@@ -39,38 +40,51 @@ class Verdict(StrEnum):
 
 
 class Bounds(NamedTuple):
-    """A share of failures, and confidence bounds that hold at all looks together, at level 1 - `ERROR`."""
+    """The observed share of failures, with confidence bounds of the true share.
 
-    low: float
-    share: float
-    high: float
+    The confidence is 1 - `ERROR` that the bounds after each part of a study all hold.
+    """
+
+    low: float  # lower bound
+    share: float  # observed share
+    high: float  # upper bound
 
 
 @dataclass(frozen=True, slots=True)
 class SequentialTest:
-    """The sequential test of a share against a limit."""
+    """The sequential test whether the share of failures is below or above a limit."""
 
     limit: float  # largest acceptable share of failures, between 0 and 1
 
     def evidence(self, failures: int, parts: int, share: float) -> float:
-        """Logarithm of the likelihood ratio of the mixture over s to a true share m = `share` of failures."""
-        a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit  # most sensitive about the limit
+        """Evidence against the assumption that the true share of failures is `share`.
+
+        The evidence is the logarithm of the averaged likelihood ratio in the module's docstring. From
+        -log(`ERROR`) on, the test excludes the share.
+
+        Args:
+            failures: number of failures, S.
+            parts: number of parts, n.
+            share: the assumed true share of failures, m.
+        """
+        # This beta distribution has the limit as its mean: the test is most sensitive about the limit.
+        a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit
         mixed = _beta(a + failures, b + parts - failures) - _beta(a, b)
         failed = failures * log(share) if failures else 0.0
         return mixed - failed - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
-        """Whether `failures` among `parts` show that the share is below the limit."""
+        """Whether a number of failures among a number of parts shows that the share is below the limit."""
         below = failures < self.limit * parts
         return below and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def refuses(self, failures: int, parts: int) -> bool:
-        """Whether `failures` among `parts` show that the share is above the limit."""
+        """Whether a number of failures among a number of parts shows that the share is above the limit."""
         above = failures > self.limit * parts
         return above and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def bounds(self, least: int, most: int, parts: int) -> Bounds:
-        """Bounds of the share of failures if between `least` and `most` of the parts failed."""
+        """Confidence bounds of the share of failures, if at least `least` and at most `most` parts failed."""
         if not parts:
             return Bounds(0.0, 0.0, 1.0)
         low = self._crossing(least, parts, 0.0, least / parts) if least else 0.0
@@ -78,7 +92,14 @@ class SequentialTest:
         return Bounds(low, least / parts, high)
 
     def _crossing(self, failures: int, parts: int, outside: float, inside: float) -> float:
-        """Finds a bound by bisection between a share that the test excludes and one that it does not."""
+        """Finds a confidence bound of the share of failures by bisection.
+
+        Args:
+            failures: number of failures.
+            parts: number of parts.
+            outside: a share that the test excludes, or an end of the range.
+            inside: a share that the test does not exclude.
+        """
         for _ in range(60):
             middle = 0.5 * (outside + inside)
             if 0.0 < middle < 1.0 and self.evidence(failures, parts, middle) < -log(ERROR):
@@ -92,16 +113,16 @@ class SequentialTest:
 class Acceptance:
     """State of an acceptance study after some parts: counts, and the verdict so far."""
 
-    limit: float
-    parts: int = 0  # parts that count
+    limit: float  # largest acceptable share of failures
+    parts: int = 0  # number of parts that count
     failed: int = 0
-    unknown: int = 0
+    unknown: int = 0  # number of parts at a leaf that were not judged
     verdict: Verdict = Verdict.OPEN
-    decided_at: int | None = None  # number of parts at which the verdict came
+    decided_at: int | None = None  # number of parts at the verdict; None while open
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds of the share of failures."""
+        """Confidence bounds of the share of failures, after these parts."""
         most = self.failed + self.unknown
         return SequentialTest(self.limit).bounds(self.failed, most, self.parts)
 
@@ -120,7 +141,7 @@ class Acceptance:
 
 
 def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
-    """Yields the state of a study after each part that counts; a verdict is final."""
+    """Yields the state of an acceptance study after each part that counts; the first verdict stays."""
     test, now = SequentialTest(limit), Acceptance(limit)
     for part in parts:
         if part.outcome in LEFT_OUT:
@@ -143,11 +164,13 @@ class Planned(NamedTuple):
     """Numbers of parts after which a study accepts a cell."""
 
     least: int  # number of parts if no part fails
-    likely: int | None  # number for probability `POWER`; None if above `MOST_PARTS`
+    # number of parts after which a cell is accepted with probability `POWER`; None if above `MOST_PARTS`, or
+    # if the expected share of failures is unknown or not below the limit
+    likely: int | None
 
 
 def planned(limit: float, expected: float | None) -> Planned:
-    """Computes the number of parts until a cell is accepted.
+    """Computes how many parts a study needs until it accepts a cell.
 
     Args:
         limit: largest acceptable share of failures.
@@ -162,26 +185,26 @@ def planned(limit: float, expected: float | None) -> Planned:
 
 
 def parts_for(readings: int, share: float) -> int | None:
-    """Number of parts among which `readings` are of a kind, with probability `CONTAINED`.
+    """Number of parts to run, so that enough of them are of a given kind with probability `CONTAINED`.
 
     Args:
         readings: least number of parts of the kind.
         share: share of the kind among all parts.
 
     Returns:
-        None if more than `MOST_PARTS` are needed.
+        The number of parts; None if it is above `MOST_PARTS`.
     """
     return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - CONTAINED)
 
 
 def _most(test: SequentialTest, count: int) -> int:
-    """Greatest number of failures with which `count` parts are accepted; -1 for none."""
+    """Greatest number of failures among `count` parts that the test accepts; -1 if it accepts no number."""
     failures = range(ceil(test.limit * count))
     return bisect_left(failures, True, key=lambda each: not test.accepts(each, count)) - 1
 
 
 def _first(does: Callable[[int], bool]) -> int | None:
-    """The first number of parts that satisfies a condition, by bisection; None if above `MOST_PARTS`."""
+    """Finds the least number of parts that satisfies a condition; None if it is above `MOST_PARTS`."""
     high = 1
     while not does(high):
         high *= 2
@@ -191,5 +214,5 @@ def _first(does: Callable[[int], bool]) -> int | None:
 
 
 def _beta(a: float, b: float) -> float:
-    """Logarithm of the beta function."""
+    """Logarithm of the beta function B(a, b)."""
     return lgamma(a) + lgamma(b) - lgamma(a + b)

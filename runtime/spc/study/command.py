@@ -1,4 +1,4 @@
-"""`grasp-audit study`: the acceptance of a cell from its journals, and the number of parts that it needs."""
+"""`grasp-audit study`: accepts or refuses a cell by its journals, or plans the number of parts for that."""
 
 import argparse
 import csv
@@ -138,7 +138,15 @@ def _of_measurements(options: argparse.Namespace) -> int:
 
 
 def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) -> int:
-    """Prints crossed studies; returns the exit code for the one with the largest known %GRR."""
+    """Prints crossed studies; returns the exit code.
+
+    Args:
+        options: the parsed command line.
+        studies: the studies by the name of their quantity.
+
+    Returns:
+        0 if each known %GRR is acceptable, CHECK_FAILED if one is not, UNDECIDED if none is known.
+    """
     fields = {"crossed": {name: study.fields() for name, study in studies.items()}}
     say_result(options.json, fields, crossed_words(studies))
     known = [study.percent for study in studies.values() if study.percent is not None]
@@ -148,10 +156,10 @@ def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) ->
 
 
 def _readings(path: Path) -> list[list[list[float]]]:
-    """Readings of a file by part, appraiser and trial.
+    """Reads the file of a crossed study; returns its readings by part, appraiser and trial.
 
     Raises:
-        InputError: the file is invalid; names the problem and the row.
+        InputError: the file is invalid; the message states the problem and the row.
         OSError: the file cannot be read.
     """
     cells: dict[tuple[str, str], list[float]] = {}
@@ -174,7 +182,15 @@ def _readings(path: Path) -> list[list[list[float]]]:
 
 
 def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
-    """Largest acceptable share of failures: by the option --required, else by the goal's confidence."""
+    """Largest acceptable share of failures, from the option --required, else from the table's goal.
+
+    Args:
+        options: the parsed command line.
+        confidence_ppm: share of parts that the table's goal requires to be located, ppm.
+
+    Raises:
+        UsageError: all parts are to be located, which no number of parts can show.
+    """
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Figures of a study: the squeeze as a gauge of poses, leaf by leaf, and the cell's acceptance."""
+"""Computes the figures of a run-off: its acceptance, and studies of the squeeze as a gauge of poses."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,16 +15,16 @@ from runtime.table import PPM, GoalSpec, Table, poses_of, predicted_pose, turned
 Quantity = Callable[[Part], float]
 COORDINATES = ("x_mm", "y_mm", "theta_rad")
 COVERED = 0.95  # share of the parts whose leaves get a type-1 study
-CHECKPOINTS = 200  # points of the curve of bounds
-CROSSED = {"parts": 10, "appraisers": 3, "trials": 3}  # the usual design
+CHECKPOINTS = 200  # number of points of the drawn curve of bounds
+CROSSED = {"parts": 10, "appraisers": 3, "trials": 3}  # the usual size of a crossed study
 
 
 class GaugeRow(NamedTuple):
-    """Type-1 studies of one leaf, or of all leaves."""
+    """Type-1 studies (bias, Cg, Cgk) of the parts at one leaf, or at all leaves."""
 
-    leaf: int | None  # None for the whole table
-    readings: int
-    studies: Mapping[str, TypeOne]  # by coordinate, if the goal has a tolerance for it
+    leaf: int | None  # index of the leaf; None for all leaves together
+    readings: int  # number of measured parts
+    studies: Mapping[str, TypeOne]  # a study for each coordinate for which the goal has a tolerance
 
     def fields(self) -> dict[str, object]:
         """Converts the object to JSON types."""
@@ -35,23 +35,24 @@ class GaugeRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """Results of a study of a run-off's journals."""
+    """Results of the study of a run-off."""
 
     history: History
-    acceptance: Acceptance
-    # the state at looks evenly spread over the run, at the verdict, and at the end
+    acceptance: Acceptance  # the state at the end of the run-off
+    # states of the acceptance, evenly spread over the run-off, and also at the verdict and at the end
     curve: tuple[Acceptance, ...]
-    table: GaugeRow
-    leaves: tuple[GaugeRow, ...]
-    crossed: Mapping[str, Crossed]  # studies by quantity; empty if not requested
-    planned: Planned
+    table: GaugeRow  # type-1 studies of the parts at all leaves
+    leaves: tuple[GaugeRow, ...]  # type-1 studies of each leaf
+    crossed: Mapping[str, Crossed]  # crossed studies by quantity; empty if not requested
+    planned: Planned  # number of parts that the acceptance needs
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds of the share of failures.
+        """Confidence bounds of the share of failures.
 
-        The bounds of all looks hold together, so the narrowest of `curve` apply. If they contradict one
-        another, the share has changed during the run-off, and the bounds of the last look are returned.
+        The bounds of all states in `curve` hold together, so the greatest lower and the least upper bound
+        are returned. If these two contradict one another, the share has changed during the run-off, and the
+        bounds at its end are returned.
         """
         last, looks = self.acceptance.bounds, [now.bounds for now in self.curve]
         low, high = max(look.low for look in looks), min(look.high for look in looks)
@@ -75,15 +76,15 @@ class Study:
 
 
 def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> Study:
-    """Studies the history of a run-off.
+    """Computes the acceptance and the type-1 studies of a run-off.
 
     Args:
-        history: the history.
+        history: the parts of the run-off.
         limit: largest acceptable share of failures.
-        others: crossed studies to include.
+        others: crossed studies, which are copied to the result.
 
     Raises:
-        UsageError: no part was audited, too few were measured, or the operator stopped every part.
+        UsageError: no part was audited, too few were measured, or every part was stopped or given up.
     """
     if not any(part.verdict for part in history.parts):
         raise UsageError(
@@ -111,14 +112,15 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
 
 
 def by_truth(history: History) -> History:
-    """Copy of a history in which the true pose, known in simulation, decides whether a part passes."""
+    """Copies a history of simulated parts, and replaces verdicts and residuals by those of the true poses."""
     return replace(history, parts=tuple(_judged(history.table, part) for part in history.parts))
 
 
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
-    """Whole widths of the goal's tolerances by coordinate, mm and rad.
+    """The goal's tolerance of each coordinate: from the least to the greatest allowed value, mm or rad.
 
-    The distance of a goal applies to each coordinate alone; coordinates without a tolerance are left out.
+    A goal that states a distance allows this distance to either side in each coordinate. Coordinates without
+    a tolerance are left out.
     """
     if goal.kind in ("tolerances", "orientation"):
         tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
@@ -133,15 +135,17 @@ def tolerances_of(goal: GoalSpec) -> dict[str, float]:
 
 
 def expected_failures(table: Table) -> float | None:
-    """Share of parts that the table's evaluation did not locate; None without an evaluation."""
+    """Share of parts that failed in the table's evaluation; None if the table has no evaluation."""
     return 1.0 - table.predicted.success_ppm / PPM if table.predicted.trials else None
 
 
 def parts_of_leaves(table: Table) -> int | None:
-    """Number of parts to run, so that each of the most frequent leaves has the readings of a type-1 study.
+    """Number of parts to run for type-1 studies: enough of them end at each of the most frequent leaves.
 
-    These leaves together hold the share `COVERED` of the parts. The result is None if there were no trials,
-    or if too many parts would be needed.
+    The most frequent leaves are those that together receive the share `COVERED` of the parts.
+
+    Returns:
+        The number of parts; None if the table has no trials, or if too many parts would be needed.
     """
     trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
     total, seen = sum(trials), 0
@@ -153,14 +157,17 @@ def parts_of_leaves(table: Table) -> int | None:
 
 
 def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
-    """Crossed studies, by quantity, of the squeeze as a gauge; each journal is an appraiser.
+    """Computes crossed studies (gauge R&R) of the squeeze as a gauge; each journal is an appraiser.
 
-    The quantities are the width of the first squeeze, where the hand is at the same place for every part, and
-    the coordinates of the leaf's pose, if every part was located.
+    One studied quantity is the width of the first squeeze: for this squeeze the hand is at the same place for
+    every part. If every part was located, the coordinates of the predicted pose are studied, too.
 
     Args:
         runs: the history of each journal; all journals have one table.
-        parts: number of parts, which each run measures again and again in the same order.
+        parts: number of different parts; each journal measures all of them repeatedly, in the same order.
+
+    Returns:
+        The studies, by quantity.
 
     Raises:
         UsageError: the journals do not hold such a study.
@@ -186,16 +193,28 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
 
 
 def _coordinate(table: Table, number: int) -> Quantity:
-    """A function that returns a coordinate of the pose in the world that a part's leaf predicts."""
+    """Builds a function that returns a coordinate of a part's predicted pose in the world.
+
+    Args:
+        table: the table by which the part was located.
+        number: index of the coordinate: x, y or theta.
+    """
     return lambda part: turned_pose(predicted_pose(table.leaves[part.leaf or 0]), part.turn_rad)[
         number
     ]
 
 
 def _readings(name: str, runs: Sequence[History], parts: int, of: Quantity) -> Readings:
-    """Readings of a quantity by part, journal and trial.
+    """Collects the readings of a quantity by part, journal and trial.
 
-    Angles are shifted by whole periods of the part's symmetry, to within half a period of its first reading.
+    Angles of a symmetric part are ambiguous by whole periods of its symmetry. Each angle is shifted by whole
+    periods, to within half a period of the part's first angle.
+
+    Args:
+        name: name of the quantity.
+        runs: the history of each journal.
+        parts: number of different parts.
+        of: returns the quantity of a part.
     """
     readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
     if name != "theta_rad":
@@ -226,5 +245,5 @@ def _judged(table: Table, part: Part) -> Part:
 
 
 def in_degrees(name: str, value: float) -> float:
-    """A value for display: degrees for `theta_rad`, unchanged for other coordinates."""
+    """Converts a value of a coordinate for display: `theta_rad` to degrees, others not at all."""
     return degrees(value) if name == "theta_rad" else value

@@ -1,7 +1,9 @@
-"""Studies of a gauge: type 1 (Cg, Cgk, bias) and crossed repeatability and reproducibility (gauge R&R).
+"""Studies of a gauge: type-1 studies, and crossed studies of repeatability and reproducibility (gauge R&R).
 
-Formulas and constants: AIAG, Measurement Systems Analysis, 4th edition 2010, chapter III; the type-1 study
-by VDA volume 5: a fifth of the tolerance against six standard deviations of repeated readings.
+A type-1 study compares repeated readings of a known reference with a tolerance (bias, Cg, Cgk). Its formulas
+are those of VDA volume 5: Cg is a fifth of the tolerance divided by six standard deviations. In a crossed
+study several appraisers measure the same parts several times. Its formulas and constants are those of AIAG,
+Measurement Systems Analysis, 4th edition 2010, chapter III.
 """
 
 from collections.abc import Sequence
@@ -13,19 +15,21 @@ from typing import NamedTuple
 LEAST_READINGS = 25  # least readings of a type-1 study
 CAPABLE = 1.33  # Cg and Cgk from which a gauge counts as capable
 GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it is acceptable
-POOLED_FROM = 0.05  # probability above which the interaction counts as repeatability
+# probability of the interaction by chance, from which the interaction counts as repeatability
+POOLED_FROM = 0.05
+# factor from the ratio of part to gauge variation to the number of categories (AIAG)
 CATEGORIES = 1.41
-# 1 / d2* by number of trials, of appraisers, and of parts.
+# Constants 1 / d2* of AIAG, by number of trials (K1), of appraisers (K2) and of parts (K3).
 K1 = {2: 0.8862, 3: 0.5908}
 K2 = {2: 0.7071, 3: 0.5231}
 K3 = dict(enumerate((0.7071, 0.5231, 0.4467, 0.4030, 0.3742, 0.3534, 0.3375, 0.3249, 0.3146), 2))
 
 
 class TypeOne(NamedTuple):
-    """A type-1 study, in the unit of its deviations; undefined values are None."""
+    """Results of a type-1 study, which compares repeated readings with a reference; None: undefined."""
 
-    readings: int
-    bias: float  # mean of gauge minus reference
+    readings: int  # number of readings
+    bias: float  # mean deviation: gauge minus reference, in the unit of the readings
     sigma: float | None  # standard deviation of the readings
     cg: float | None  # repeatability against the tolerance
     cgk: float | None  # repeatability and bias against the tolerance
@@ -33,7 +37,7 @@ class TypeOne(NamedTuple):
 
     @property
     def capable(self) -> bool | None:
-        """Whether Cg and Cgk reach `CAPABLE`; None, unknown, with too few or only equal readings."""
+        """Whether both Cg and Cgk reach `CAPABLE`; None if the readings are too few or all equal."""
         if self.readings < LEAST_READINGS or self.cg is None or self.cgk is None:
             return None
         return min(self.cg, self.cgk) >= CAPABLE
@@ -44,7 +48,7 @@ def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
 
     Args:
         deviations: readings of the gauge minus the reference, at least one.
-        tolerance: whole width of the tolerance, in the same unit.
+        tolerance: whole width of the tolerance, in the unit of the deviations.
     """
     count, bias = len(deviations), fmean(deviations)
     if count < 2:
@@ -57,10 +61,11 @@ def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
 
 
 class Spread(NamedTuple):
-    """Standard deviations of a crossed study, in the unit of its readings."""
+    """Standard deviations that a crossed study (gauge R&R) estimates, in the unit of its readings."""
 
-    repeatability: float  # EV: within one part and one appraiser
-    reproducibility: float  # AV: appraisers, and their interaction with parts if any
+    repeatability: float  # EV: readings of one part by one appraiser
+    # AV: between appraisers; includes their interaction with parts if it is significant
+    reproducibility: float
     part: float  # PV: between parts
 
     @property
@@ -74,12 +79,15 @@ class Spread(NamedTuple):
         return sqrt(self.gauge**2 + self.part**2)
 
     def percent(self, value: float) -> float | None:
-        """A standard deviation in percent of the total; None where nothing varied."""
+        """Converts a standard deviation to percent of the total; None if all readings were equal."""
         return 100.0 * value / self.total if self.total else None
 
     @property
     def categories(self) -> float | None:
-        """Number of distinct categories, not truncated; None where the gauge never varied."""
+        """Number of categories of parts that the gauge can distinguish (ndc), not rounded.
+
+        None if the gauge never varied.
+        """
         return CATEGORIES * self.part / self.gauge if self.gauge else None
 
     def fields(self) -> dict[str, object]:
@@ -97,15 +105,16 @@ Readings = Sequence[Sequence[Sequence[float]]]
 
 @dataclass(frozen=True, slots=True)
 class Crossed:
-    """A crossed study, evaluated by analysis of variance and by the average-and-range method."""
+    """Results of a crossed study (gauge R&R), by analysis of variance and by average and range."""
 
-    parts: int
-    appraisers: int
-    trials: int
-    # probability of such an interaction by chance; None where repeated readings never differ
+    parts: int  # number of parts
+    appraisers: int  # number of appraisers
+    trials: int  # number of readings of each part by each appraiser
+    # probability of such an interaction of appraisers and parts by chance; None if repeated readings never
+    # differ
     interaction_p: float | None
-    anova: Spread
-    ranges: Spread | None  # by average and range; None without constants for this size
+    anova: Spread  # by analysis of variance
+    ranges: Spread | None  # by average and range; None if AIAG states no constants for this size
 
     def fields(self) -> dict[str, object]:
         """Converts the object to JSON types."""
@@ -120,15 +129,18 @@ class Crossed:
 
     @property
     def percent(self) -> float | None:
-        """%GRR of the total variation, by the analysis of variance."""
+        """%GRR: the gauge's standard deviation in percent of the total, by analysis of variance.
+
+        None if all readings were equal.
+        """
         return self.anova.percent(self.anova.gauge)
 
 
 def crossed(readings: Readings) -> Crossed:
-    """Evaluates a crossed study.
+    """Evaluates a crossed study (gauge R&R): several appraisers measure the same parts several times.
 
     Args:
-        readings: readings by part, appraiser and trial, of shape (p, o, r).
+        readings: readings of shape (parts, appraisers, trials).
 
     Raises:
         ValueError: a dimension is less than 2, or the study is not balanced.
@@ -146,11 +158,19 @@ def crossed(readings: Readings) -> Crossed:
 
 
 def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
-    """Two-way analysis of variance; an interaction that is not significant is pooled with repeatability.
+    """Evaluates a crossed study by two-way analysis of variance.
+
+    An interaction of appraisers and parts that is not significant counts as repeatability.
+
+    Args:
+        readings: readings of shape (p, o, r).
+        p: number of parts.
+        o: number of appraisers.
+        r: number of trials.
 
     Returns:
-        The probability of such an interaction by chance, None where repeated readings never differ; and the
-        spread.
+        The probability that chance alone makes such an interaction (None if repeated readings never differ),
+        and the standard deviations.
     """
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]
@@ -191,20 +211,34 @@ def _average_and_range(readings: Readings) -> Spread | None:
 
 
 def f_tail(statistic: float, above: int, below: int) -> float:
-    """Probability that an F variable of these degrees of freedom exceeds the statistic."""
+    """Probability that an F-distributed variable exceeds a statistic.
+
+    Args:
+        statistic: the value to exceed.
+        above: degrees of freedom of the numerator.
+        below: degrees of freedom of the denominator.
+    """
     return beta_share(below / (below + above * statistic), below / 2, above / 2)
 
 
 def t_tail(statistic: float, freedom: int) -> float:
-    """Probability that Student's t exceeds the statistic in absolute value."""
+    """Probability that a t-distributed variable exceeds a statistic in absolute value.
+
+    Args:
+        statistic: the value to exceed.
+        freedom: degrees of freedom.
+    """
     return beta_share(freedom / (freedom + statistic**2), freedom / 2, 0.5)
 
 
 def beta_share(x: float, a: float, b: float) -> float:
-    """The regularised incomplete beta function, by its continued fraction (Abramowitz and Stegun, 26.5.8)."""
+    """The regularised incomplete beta function I_x(a, b).
+
+    It is computed by its continued fraction (Abramowitz and Stegun, 26.5.8).
+    """
     if x <= 0.0 or x >= 1.0:
         return float(x >= 1.0)
-    if x > (a + 1.0) / (a + b + 2.0):  # where the fraction of the complement converges faster
+    if x > (a + 1.0) / (a + b + 2.0):  # here the fraction of 1 - I converges faster
         return 1.0 - beta_share(1.0 - x, b, a)
     front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x)) / a
     above, below = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))

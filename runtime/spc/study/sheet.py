@@ -1,4 +1,4 @@
-"""The run-off sheet: a study as an HTML page that prints on two sheets, and the sentences of a terminal."""
+"""Shows the study of a run-off: as an HTML page to print on two sheets, and as lines for a terminal."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,8 +33,8 @@ def page(study: Study, journals: Sequence[str]) -> str:
     """Returns the run-off sheet as an HTML page.
 
     Args:
-        study: what the sheet shows.
-        journals: names of the journals that were studied.
+        study: the study that the sheet shows.
+        journals: names of the files of the journals that were studied.
     """
     grades = {Verdict.ACCEPTED: "good", Verdict.OPEN: "fair"}
     grade = grades.get(study.acceptance.verdict, "poor")
@@ -59,7 +59,7 @@ def page(study: Study, journals: Sequence[str]) -> str:
 
 
 def verdict_words(study: Study) -> str:
-    """Returns the verdict as a sentence."""
+    """Returns the verdict of the acceptance as a line for a terminal, with the counts behind it."""
     now, bounds = study.acceptance, study.bounds
     required = f"{1.0 - now.limit:.6g} of all parts located"
     shown = f"{now.failed} of {now.parts} failed"
@@ -74,7 +74,7 @@ def verdict_words(study: Study) -> str:
 
 
 def gauge_words(study: Study) -> Iterator[str]:
-    """Yields a line for each type-1 study."""
+    """Yields lines for a terminal: the type-1 studies of all leaves together, then those of each leaf."""
     for row in (study.table, *study.leaves):
         name = "table" if row.leaf is None else f"leaf {row.leaf}"
         figures = "; ".join(_type_one_words(key, one) for key, one in row.studies.items())
@@ -83,7 +83,7 @@ def gauge_words(study: Study) -> Iterator[str]:
 
 
 def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
-    """Yields a line for each crossed study."""
+    """Yields a line for a terminal for each crossed study; `studies` has them by quantity."""
     for name, study in studies.items():
         word = UNITS.get(name, (name, ""))[0]
         percent, ndc = _figure(study.percent), _known(study.anova.fields()["ndc"])
@@ -95,7 +95,7 @@ def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
 
 
 def judged(study: Crossed) -> str:
-    """Judgement of a study's %GRR by AIAG's limits."""
+    """Judges the %GRR of a crossed study by AIAG's limits, in words."""
     if study.percent is None:
         return "not known: nothing varied"
     if study.percent <= GOOD:
@@ -182,7 +182,10 @@ def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:
 
 
 def _capability(value: float | None) -> str:
-    """A Cg or Cgk as text; above `MOST_CAPABLE`, as in a simulated cell, its digits mean nothing."""
+    """Writes a Cg or Cgk as text: values above `MOST_CAPABLE` as "over ...", None as "not known".
+
+    Such large values, as in a simulated cell, only mean that there is almost no scatter.
+    """
     return f"over {MOST_CAPABLE:g}" if value and value > MOST_CAPABLE else _figure(value)
 
 
