@@ -69,7 +69,7 @@ def gram(coefficients: Array) -> Array:
 def coefficients_of(certificate: Array) -> Array:
     """Returns the coefficients (..., 15) of the quartics H that matrices Q (..., 9, 9) certify.
 
-    H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F is linear in Q.
+    At z = F, H = F^T hess H(F) F / 12 = y^T Q y / 12, so the coefficients are linear in Q.
     """
     return np.asarray(np.tensordot(certificate, _ENTRIES / 12.0, axes=([-2, -1], [1, 2])))
 

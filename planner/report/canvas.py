@@ -46,7 +46,10 @@ def style() -> AbstractContextManager[None]:
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:
-    """Writes a picture in the format of the suffix: the same bytes for the same figure."""
+    """Writes the figure that `draw` returns; the suffix of the path states the format.
+
+    The same figure gives the same bytes.
+    """
     with style(), writing(path) as file:
         draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
 
@@ -87,7 +90,8 @@ def polygons(
 ) -> None:
     """Draws closed polygons (n, N, 2) [mm]; the limits of the axes do not change.
 
-    `width` of the edges is in points, `fill` and `edge` are opacities, a higher `order` covers a lower one.
+    `width` is that of the edges in points; `fill` and `edge` are opacities, from 0 to 1. Polygons of a higher
+    `order` cover those of a lower one.
     """
     faces = to_rgba(colour, fill) if fill else "none"
     edges = to_rgba(colour, edge)
@@ -103,7 +107,7 @@ def overlay_opacity(count: int, darkness: float) -> float:
 
 
 def outlines(outline: Array, poses: Array) -> Array:
-    """The outline (N, 2) at each of the poses (n, 3) [mm, mm, rad]: (n, N, 2) [mm]."""
+    """Places an outline (N, 2) at each of n poses (n, 3) [mm, mm, rad]; returns (n, N, 2) [mm]."""
     return placed(outline, poses.T[:, :, None])
 
 

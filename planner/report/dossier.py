@@ -156,7 +156,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """A row of the page's table: the name of a world and its figures; `shares` has the shares as texts."""
+    """Returns a row of the page: the name of a world, and its figures with `shares`, the shares as texts."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -179,7 +179,7 @@ def _width_chart(job: Job) -> str:
 
 
 def _job_text(job: Job) -> str:
-    """The job as text, one value a line, with the rows of the outline."""
+    """The job as text for people, one key with its value a line."""
     lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
         if section in (hypotheses.KEY, hypotheses.FOREIGN):
@@ -200,7 +200,10 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
 
 
 def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
-    """At most `LISTED` parts of a journal, in its order: the latest failed ones, then the latest others."""
+    """Selects at most `LISTED` parts of a journal for the page, in the order of the journal.
+
+    The latest failed parts come first in the selection; the latest of the other parts fill the rest.
+    """
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])

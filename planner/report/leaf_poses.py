@@ -33,9 +33,9 @@ class Mean(NamedTuple):
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """Returns for each leaf the mean pose of its parts that lie within the goal of its first pose.
+    """Returns the mean pose of each leaf's parts; only parts within the goal of the leaf's first pose count.
 
-    It is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
+    The mean is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
     """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)

@@ -72,13 +72,19 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """Number of timed parts, and figures of their times by `takt_figures`; empty if none was timed."""
+        """Figures of the seconds that parts took, and the number of timed parts as `parts`.
+
+        With `takt_s`, a takt in seconds, the figures also say how many parts were done in time. The result is
+        empty if no part was timed.
+        """
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
 
 def read(path: Path, table_sha256: str) -> RunLog:
-    """Reads a journal; runs of other tables than the one of this digest (hexadecimal) are ignored.
+    """Reads the runs of one table from a journal; `table_sha256` is the digest of the table's file in hex.
+
+    Runs of other tables are only counted.
 
     Raises:
         InputError: the journal cannot be read, does not verify, or has no run of this table.

@@ -111,7 +111,10 @@ def _draw(axes: Axes, outline: Array, jaws: Jaws, states: Array) -> None:
 
 
 def timeline(states: Array) -> Array:
-    """States (n, 4) of a squeeze (k, 4), one a frame: a fast approach, then contact at a constant rate."""
+    """Interpolates the states (k, 4) of a squeeze to the frames of an animation; returns states (n, 4).
+
+    The jaws approach the part fast, and then close at a constant rate.
+    """
     begun, end = touch(states), states[-1, 3]
     approach = np.linspace(states[0, 3], begun, APPROACH_FRAMES, endpoint=False)
     return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))

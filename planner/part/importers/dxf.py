@@ -23,7 +23,9 @@ MAX_DEPTH = 50  # most levels of nested blocks
 
 
 def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
-    """Returns the shapes of a DXF file; the errors of readers do not name the file.
+    """Returns the shapes of a DXF file.
+
+    Error messages of this function do not name the file; the caller adds its name.
 
     Raises:
         UsageError: see `file.read_outline`; or there is no such layer.
@@ -106,7 +108,7 @@ def _size(document: Drawing, space: Modelspace) -> int:
 
 
 def _elsewhere(document: Drawing) -> list[str]:
-    """Returns a note on each paper-space layout that holds shapes, for a model space without any."""
+    """Returns notes for a drawing whose model space is empty: one on each other layout that holds shapes."""
     counts = {
         layout.name: sum(entity.dxftype() != "VIEWPORT" for entity in layout)
         for layout in document.layouts

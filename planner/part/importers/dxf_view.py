@@ -55,7 +55,7 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 class View(NamedTuple):
-    """What a drawing shows: the curves that are read, and the shapes that are not."""
+    """The curves that are read from a drawing, and the shapes that it shows but that are not read."""
 
     curves: list[pieces.Curve]
     lost: list[pieces.Lost]  # shapes that are shown, but not read
@@ -63,7 +63,7 @@ class View(NamedTuple):
 
 
 def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None) -> View:
-    """Returns the curves of the model space that are visible and plotted, and what else it shows.
+    """Reads the visible, plotted curves of the model space; also records the shapes that are not read.
 
     Args:
         document: the drawing.
@@ -87,7 +87,10 @@ def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None)
 
 
 def _write_out_arrays(document: Drawing) -> None:
-    """Replaces array INSERTs in blocks by single ones: ezdxf does not scale their spacing with the block."""
+    """Replaces each array INSERT within a block by single INSERTs.
+
+    ezdxf does not scale the spacing of an array with the block around it.
+    """
     for block in document.blocks:
         arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
         for array in [] if block.is_any_layout else arrays:
@@ -198,7 +201,7 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records an entity as lost, with its box: it may be the outline only if it surrounds the others."""
+        """Records an entity as lost, with its box: it may be the outline only if it surrounds all others."""
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
@@ -243,7 +246,7 @@ def _width(entity: LWPolyline | Polyline) -> float:
 
 
 def _is_skewed(insert: Insert) -> bool:
-    """Whether ezdxf would rotate a nested block before scaling it, instead of after."""
+    """Whether a block scales x and y differently and holds a rotated block, which ezdxf draws wrongly."""
     if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
         return False
     inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))
@@ -251,7 +254,11 @@ def _is_skewed(insert: Insert) -> bool:
 
 
 def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
-    """The path of a shape, computed about an origin near it."""
+    """Returns the path of a shape.
+
+    The path of a spline, or of a shape far from the origin, is computed about a point of the shape and moved
+    back, since ezdxf takes neighbouring points far from the origin for equal.
+    """
     if isinstance(entity, Spline) and (len(entity.control_points) or entity.closed):
         drawn = _spline if len(entity.control_points) else _closed_spline
         points = drawn(entity, tolerance)
@@ -268,7 +275,7 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
 
 
 def _is_edge_on(shape: path.Path) -> bool:
-    """Whether a closed curve has no area as seen from above, since it stands upright."""
+    """Whether a closed curve stands upright, so that it has no area as seen from above."""
     corners = np.array([tuple(point) for point in shape.control_vertices()]).reshape(-1, 3)
     if not len(corners) or not shape.is_closed or np.ptp(corners[:, 2]) <= STRAIGHT:
         return False
@@ -314,7 +321,7 @@ def _closed_spline(entity: Spline, tolerance: float) -> Array:
 
 
 def _span_by_span(curve: Callable[[Array], Array], knots: Array, tolerance: float) -> Array:
-    """Converts a curve that is smooth between its knots to a polyline (n, 2)."""
+    """Converts a curve that is smooth between its knots to a polyline (n, 2), one span after the other."""
     spans = pairwise(knots.tolist())
     return np.concatenate([pieces.flattened(curve, tolerance, *span) for span in spans])
 

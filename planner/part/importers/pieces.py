@@ -1,4 +1,4 @@
-"""Options for reading a drawing, and its shapes before they form contours: rings and strokes, in mm."""
+"""Options for reading a drawing, and the shapes of a drawing before they form contours: rings and strokes."""
 
 import signal
 import threading
@@ -42,7 +42,10 @@ class Options(NamedTuple):
 
     @property
     def chord_mm(self) -> float:
-        """Largest distance of a chord from its curve: half the tolerance; vertex removal takes the rest."""
+        """Largest distance of a chord from its curve: half the tolerance.
+
+        The removal of vertices may use the other half.
+        """
         return 0.5 * self.tolerance_mm
 
 
@@ -99,9 +102,10 @@ class Curve(NamedTuple):
 
 
 def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]) -> Pieces:
-    """Sorts curves (n, 2) [mm] into rings, whose ends are at most `join_mm` apart, and strokes.
+    """Sorts curves (n, 2) [mm] into closed rings and open strokes.
 
-    A curve that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
+    The ends of a ring are at most `join_mm` apart, and also at most a tenth of the ring's length. So a very
+    short curve is a stroke.
 
     Raises:
         InputError: a coordinate is not finite or too large, or there are too many points.
@@ -129,7 +133,7 @@ def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]
 
 
 def place(point: Array) -> str:
-    """Formats a point of a drawing to 0.01 mm, at any distance from the origin."""
+    """Formats a point (2,) of a drawing as text, rounded to 0.01 mm at any distance from the origin."""
     x, y = (np.round(point, 2) + 0.0).tolist()
     return f"({x:.12g}, {y:.12g})"
 
@@ -144,7 +148,9 @@ REPEAT_S = 0.1  # time between two signals after the time limit
 
 @contextmanager
 def time_limit(seconds: float = SECONDS) -> Iterator[None]:
-    """Limits the time of the body of a `with` statement, if it runs in the main thread, where signals arrive.
+    """Limits the time of the body of a `with` statement.
+
+    Outside the main thread, which alone receives signals, there is no limit.
 
     Raises:
         InputError: the time is over.
