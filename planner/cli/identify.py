@@ -163,7 +163,7 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """The text of the surface file of one result."""
+    """The text of the file that states an identified limit surface and its origin."""
     surface = result.fit.surface
     values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):

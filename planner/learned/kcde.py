@@ -128,10 +128,11 @@ def _draw(
     out: Array,
     source: IntArray,
 ) -> None:
-    """Draws a final pose and width for each of `poses` (n, 3), with an initial search radius of `look` [mm].
+    """Draws a final pose and width for each of `poses` (n, 3).
 
-    They are written into `out` (n, 4), and the indices of the roll-outs into `source` (n,). The draws use
-    `chance` (n,), uniform in [0, 1), and `noise` (n, 3), standard normal.
+    Writes poses and widths into `out` (n, 4), and the indices of the drawn roll-outs into `source` (n,). The
+    draws use `chance` (n,), uniform in [0, 1), and `noise` (n, 3), standard normal. The search for roll-outs
+    begins within `look` [mm].
     """
     grid, initial, rho = model.grid, model.initial, model.rho_mm
     q, turn, spread = np.empty(3), grid.period / rho, SPREAD * BANDWIDTH_MM * BANDWIDTH_MM

@@ -35,7 +35,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(points: Array, period: float) -> Grid:
-    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is the last coordinate's [mm]."""
+    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is that of the last coordinate [mm]."""
     wrapped = np.array(points, dtype=np.float64)
     wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
     corner = wrapped[:, :2].min(axis=0)

@@ -126,7 +126,10 @@ def region_radius(job: Job) -> float:
 
 
 def farthest(outline: Array, jaws: Jaws) -> float:
-    """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm]."""
+    """Distance of part and hand beyond which no finger touches the part, at any angle of the part [mm].
+
+    The distance is that between the part's centre and the hand's.
+    """
     half_x, half_y = _swept(jaws)
     return math.hypot(half_x, half_y) + reach(outline)
 
@@ -134,7 +137,8 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
     """Mask (n,) of `poses` (n, 3) at which the part's circumscribed circle meets the box of the fingers.
 
-    The box contains the fingers during a whole squeeze: at other poses they do not touch the part.
+    The box contains the fingers during a whole squeeze. So at poses outside the mask they do not touch the
+    part.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)
@@ -143,9 +147,9 @@ def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
 
 
 def ring_counts(radius_mm: float, count: int) -> list[int]:
-    """Numbers of starts in each ring, from the innermost on, so that about `count` starts lie in the disc.
+    """The number of starts in each ring, the innermost first, so that about `count` starts lie in the disc.
 
-    The last ring is filled as a whole, even if the disc ends within it.
+    The last ring is filled as a whole, even if the disc ends within this ring.
     """
     density = count / (math.pi * radius_mm**2)
     rings = math.ceil(radius_mm / RING_MM)

@@ -1,8 +1,8 @@
 """Projection of particles onto the subspace of their width (paper V.C).
 
-A motion model that blurs leaves particles beside the poses in which two fingers can hold a part. So each
-subspace is stored as the final poses of the roll-outs that end in it, and a particle moves to the nearest
-stored pose of its subspace. Free space has all three dimensions, so particles in free space stay.
+The learned motion model is not exact: its particles lie beside the poses in which two fingers can hold a
+part. So each subspace is stored as the final poses of the roll-outs that end in it, and a particle moves to
+the nearest stored pose of its subspace. Free space has all three dimensions, so particles in free space stay.
 """
 
 from __future__ import annotations

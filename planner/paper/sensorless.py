@@ -2,8 +2,9 @@
 
 The width function is the distance of two parallel jaws that both touch the part. Its argument is the
 closing direction phi in the part's frame: a part at angle theta in the hand frame, where the jaws close along
-y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges two fixed vertices
-touch: maxima lie within such an arc and minima at its ends.
+y, has phi = pi / 2 - theta. The period is pi. For all directions between two neighbouring normals of the
+hull's edges, the jaws touch the same two vertices. So the width has its maxima within such arcs, and its
+minima at their ends.
 
 Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
 squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
@@ -97,7 +98,10 @@ def _reduced(direction: Array) -> Array:
 
 
 def _slope(chords: Array, directions: Array) -> Array:
-    """Derivative of the chords' extent along directions [mm per rad]; the chords point along them."""
+    """Derivative (m,) of the width by the direction [mm per rad].
+
+    The width is the projection of a chord (m, 2) [mm] on a direction (m,) [rad]; it has to be positive.
+    """
     return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
 
 
