@@ -29,7 +29,7 @@ def unknown(_seconds: float, _done: int, _total: int) -> float | None:
 
 
 def of_search(_seconds: float, done: int, total: int) -> float | None:
-    """The share of a search that is done; unknown before it begins, while kernels are compiled."""
+    """The share of a search that is done; None before the search begins, while kernels are compiled."""
     return done / total if total > 1 else None
 
 

@@ -253,7 +253,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[
 
 
 def _named(identities: leaves.Identities) -> list[str]:
-    """Lines on the names given to parts: the share of right ones, and each confusion with its count."""
+    """Lines on the names given to parts: the share of right names, and each confusion with its count."""
     figures = identities.figures()
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]

@@ -45,7 +45,7 @@ MOST_OPEN = 0.5  # share of unfinished parts above which the answer is "unknown"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
 Spared = Callable[[str], AbstractContextManager[None]]
-"""Returns a context for optional work, given its name: its failure does not prevent the answer."""
+"""Takes the name of optional work; returns a context in which its failure does not prevent the answer."""
 
 
 def parser() -> Parser:
@@ -206,7 +206,7 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """Returns the grade of a plan; instead of "poor", "unknown" or "cut" if the search was not finished.
+    """Returns the grade of a plan, but "unknown" or "cut" for a poor plan of an unfinished search.
 
     `open_share` is the share of parts for which the search is unfinished. A poor plan is "unknown" if this
     share is above `MOST_OPEN`. It is "cut" if at least the share `LEAST_DONE` of the other parts are located.
@@ -221,8 +221,9 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 def _files(arguments: argparse.Namespace, text: str) -> Files:
     """Chooses the paths of the files to write.
 
-    The job file is the one that `--output` names or, without this option, the first free one of NAME.toml,
-    NAME-2.toml and so on. A file that already has the text `text` counts as free.
+    `--output` names the job file. Without this option, the job file is the first free one of NAME.toml,
+    NAME-2.toml and so on, with the name of the drawing. A file that already has the text `text` counts as
+    free.
 
     Raises:
         UsageError: the file that `--output` names exists and has another text.

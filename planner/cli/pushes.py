@@ -1,6 +1,8 @@
-"""Pushes in CSV files, for `plan-simulate --push`: two fingers, an edge, a rotation about a centre.
+"""Pushes in CSV files, for `plan-simulate --push`.
 
-Coordinates are in the frame in which the job writes `outline_mm`.
+A line of the file states one push by two fingers, which stand for the ends of an edge: their middle and
+distance, the direction from which they come, and their rotation about a centre. Coordinates are in the frame
+in which the job writes `outline_mm`.
 """
 
 from collections.abc import Mapping

@@ -127,6 +127,9 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 def check_one_part(several: object, name: str, what: str) -> None:
     """Refuses several hypotheses where a command handles one part only.
 
+    `several` are the hypotheses of a job or table, if any. `name` is its file, and `what` the command's work;
+    both are for the message.
+
     Raises:
         UsageError: there are several hypotheses.
     """
@@ -136,6 +139,8 @@ def check_one_part(several: object, name: str, what: str) -> None:
 
 def check_squeezes_alone(table: Table, name: str, what: str) -> None:
     """Refuses tables with pushes where a command handles squeezes only.
+
+    `name` is the table's file, and `what` the command's work; both are for the message.
 
     Raises:
         UsageError: parts are pushed before some squeeze.

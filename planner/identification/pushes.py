@@ -54,7 +54,7 @@ MOST = 1e30  # upper limit on the numbers of a file
 
 
 class Push(NamedTuple):
-    """One record of a push log, as logged."""
+    """One push, with the poses and forces as its log states them."""
 
     before: Array  # (7,) pose of the marker frame, mm and quaternion
     after: Array  # (7,) the same, after the push
@@ -85,7 +85,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     """Turns logged pushes into wrench-twist pairs.
 
     Returns:
-        Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
+        Wrenches (K, 3) [N, N, N mm] and twists (K, 3) [mm, mm, rad], in the part's frame.
 
     Raises:
         InputError: a push has no contact or no motion.

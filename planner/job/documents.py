@@ -26,8 +26,8 @@ def read(path: str | Path, advice: str = "check the path") -> str:
     """Returns the text of a job file, or of another UTF-8 file that a person wrote.
 
     Raises:
-        InputError: the file is not UTF-8; or it is missing, unreadable, a directory or too large. In the
-            latter cases the message ends with `advice`.
+        InputError: the file is not UTF-8. Or it is missing, unreadable, a directory or too large; then the
+            message ends with `advice`.
     """
     where = str(path)
     try:

@@ -198,7 +198,7 @@ def check_names(names: Iterable[str], valid: Iterable[str], section: str) -> Non
     """Checks the names of keys, or of keys and sections if `section` is "".
 
     Raises:
-        KeyNameError: a name is not valid; proposes the nearest valid one.
+        KeyNameError: a name is not valid; the message proposes the nearest valid name.
     """
     valid = tuple(valid)
     for name in names:

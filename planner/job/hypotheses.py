@@ -102,7 +102,7 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
         turned = TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
         pressure["ellipsoid"] = turned.tolist()
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
-    # A mirrored frame is left-handed. So the datum's y axis is reversed, and y and angle of the picks in it.
+    # A mirrored frame is left-handed. So the datum's y axis is reversed, and with it the picks' y and angle.
     if part.get("datum") is not None:
         part["datum"] = _mirrored(part["datum"])
         picks = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()}

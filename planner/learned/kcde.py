@@ -2,10 +2,10 @@
 
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
-over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out at random by its weight, among those of the 400 nearest
-roll-outs whose weight exceeds e^-20 times the largest weight. Unlike in the paper, only parts that the
-fingers touch are moved (`planner.mechanics.clearance`).
+The sum runs over roll-outs j. Poses are in the hand frame, normalised to [x, y, rho theta], and the angle is
+wrapped under the part's rotational order. A draw picks a roll-out at random by its weight, among those of the
+400 nearest roll-outs whose weight exceeds e^-20 times the largest weight. Unlike in the paper, only parts
+that the fingers touch are moved (`planner.mechanics.clearance`).
 """
 
 import math
@@ -44,7 +44,7 @@ class Sampled(NamedTuple):
 class Kcde(NamedTuple):
     """The fitted density: M roll-outs, ordered by grid cell."""
 
-    grid: Grid  # their normalised initial poses
+    grid: Grid  # normalised initial poses of the roll-outs
     initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]
     end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
     source: IntArray  # (M,) original index of each roll-out

@@ -161,7 +161,10 @@ def nearest_within(
 
 @kernel
 def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
-    """Moves the `most` nearest points to the front, in their former order; of ties the first are taken."""
+    """Moves the `most` nearest of `count` points to the front of both arrays, in their former order.
+
+    Of points at equal distance the first are taken.
+    """
     farthest = np.partition(squares[:count], most - 1)[most - 1]
     ties = most - np.sum(squares[:count] < farthest)
     kept = 0

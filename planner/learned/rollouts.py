@@ -2,8 +2,8 @@
 
 The centre of the part starts in a disc about the hand, at any angle of the part. Each roll-out has its own
 limit surface and friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK`
-starts. A block depends only on the simulator, its ring and its number in the ring, which seed its random
-stream: a larger region or more roll-outs add blocks. Actions, goal and seed of a job have no effect.
+starts. A block depends only on the simulator, its ring and its number in the ring; these seed its random
+stream. So a larger region or more roll-outs only add blocks. Actions, goal and seed of a job have no effect.
 """
 
 import hashlib
@@ -57,9 +57,9 @@ def roll_outs(
 ) -> RollOuts:
     """Rolls out training squeezes over a disc of part centres about the hand, at any angle.
 
-    The result depends on the simulator, the radius and the count only. It may have fewer or more than `count`
-    roll-outs: starts beyond the fingers' reach are left out, since nothing happens there, and how many starts
-    of the last ring lie in the disc is random. Progress counts blocks.
+    The result depends on the simulator, the radius and the count only. It may have fewer than `count`
+    roll-outs, since starts beyond the fingers' reach are left out. It may also have more, since the number of
+    starts of the last ring that lie in the disc is random. Progress counts blocks.
 
     Raises:
         ValueError: radius or count is not above 0, or the radius is infinite.

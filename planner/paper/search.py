@@ -37,7 +37,7 @@ TOLERANCES = (2.5, 2.5, math.radians(5.0))
 SINGLETON_SHARE = 0.95  # r_s, the singleton ratio above which a node is a leaf
 MOST_SEQUENCES = 500  # most open-loop sequences of the greatest length that a search judges
 DEEPEST = 3  # greatest depth of the search for open-loop sequences
-SENSORLESS_DEPTH = 5  # this greatest depth for the sensorless method
+SENSORLESS_DEPTH = 5  # the same depth for the sensorless method
 SENSORLESS_BUDGET = 400
 """Most beliefs to expand: four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 

@@ -8,8 +8,8 @@ minima at their ends.
 
 Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
 squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
-A plan is a list of intervals of directions; one squeeze takes each into the next narrower one. It is built
-backwards, in O(n^2).
+A plan is a list of intervals of directions; one squeeze takes each interval into the next, narrower one. The
+list is built backwards, in O(n^2).
 """
 
 from __future__ import annotations
@@ -79,7 +79,10 @@ def width_function(outline: Outline) -> WidthFunction:
 
 
 def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
-    """Returns the directions of the local minima, which are knots, and of the local maxima, within arcs."""
+    """Returns the directions of the local minima and of the local maxima of the width.
+
+    Minima lie at `knots` (m,), the normals of the edges, and maxima between two of these.
+    """
     slope_after = _slope(chords, knots)
     before = np.roll(chords, 1, axis=0)
     before[0] *= -1.0  # the last arc lies half a turn further on
@@ -92,7 +95,7 @@ def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
 
 
 def _reduced(direction: Array) -> Array:
-    """Reduces directions to [0, pi); those just below pi by rounding become 0."""
+    """Reduces directions to [0, pi); directions that rounding leaves just below pi become 0."""
     reduced = np.mod(direction, math.pi)
     return np.where(reduced > math.pi - FLUSH_RAD, 0.0, reduced)
 
@@ -129,7 +132,10 @@ class SqueezeFunction:
         return cls(maxima[: k // order], minima[: k // order], math.pi / order)
 
     def __call__(self, direction: Array) -> Array:
-        """Directions after a squeeze [rad], for closing directions `direction` [rad]; not wrapped."""
+        """Directions after a squeeze [rad], for closing directions `direction` [rad].
+
+        The results are not reduced to one period.
+        """
         turns = np.floor((direction - self.maxima[0]) / self.period)
         step = np.searchsorted(self.maxima, direction - turns * self.period, side="right") - 1
         return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
@@ -177,8 +183,9 @@ class SqueezePlan(NamedTuple):
 def chain(function: SqueezeFunction) -> list[Interval]:
     """The plan's intervals, the widest first: from a whole period to a single step.
 
-    The list is built backwards (Goldberg 1993) from the widest single step. Until the first interval of the
-    list is a whole period, the widest interval whose image is shorter than that first one is prepended.
+    The list is built backwards (Goldberg 1993). It begins as the widest single step. Then the widest interval
+    whose image is shorter than the first of the list is put in front of it, again and again, until the first
+    is a whole period.
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD

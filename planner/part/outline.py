@@ -109,7 +109,7 @@ def width(outline: Outline, angle: float) -> float:
 
 
 def min_width(outline: Outline) -> float:
-    """The least extent over all directions, mm: the narrowest opening of jaws that the outline fits between.
+    """The least extent over all directions, mm: the narrowest opening of jaws between which the outline fits.
 
     The minima lie where one jaw is flush on an edge of the convex hull (Goldberg's diameter function, the
     paper's reference [12]).

@@ -49,7 +49,9 @@ Support: TypeAlias = tuple[Array, Array]
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:
-    """Returns the pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
+    """Returns the pressure under an outline (N, 2) as weighted points.
+
+    The centre and the second moments of these points are exactly those of the pressure.
 
     Raises:
         ValueError: a limit surface replaces the pressure, so there is no distribution.

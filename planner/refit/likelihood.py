@@ -36,7 +36,7 @@ class Likelihood:
     curved: bool  # whether the terms include squares and products
     statistics: Array  # (k,) statistics of the observed parts
     slopes: Array  # (p, k) coefficients of the regression
-    whiten: Array  # (k, k) whitens the scatter
+    whiten: Array  # (k, k) scales the scatter of the statistics to unit variance
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 
     @classmethod

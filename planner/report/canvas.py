@@ -102,7 +102,7 @@ def polygons(
 
 
 def overlay_opacity(count: int, darkness: float) -> float:
-    """Opacity of each of `count` outlines such that a place covered by all of them has this darkness."""
+    """The opacity at which `count` outlines, drawn over each other, give a `darkness` from 0 to 1."""
     return float(1.0 - (1.0 - darkness) ** (1.0 / max(count, 1)))
 
 
@@ -155,7 +155,7 @@ def transform(pose: Array) -> str:
 
 
 def part(state: Array) -> int:
-    """Index of the hypothesis of a state (4,), which is its last entry; 0 for a pose (3,)."""
+    """Index of a part's hypothesis: the last entry of a state (4,), or 0 for a pose (3,)."""
     return int(state[3]) if len(state) > 3 else 0
 
 

@@ -156,7 +156,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Returns a row of the page: the name of a world, and its figures with `shares`, the shares as texts."""
+    """Returns the name of a world and its figures for the page; the key `shares` has the shares as texts."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -200,9 +200,9 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
 
 
 def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
-    """Selects at most `LISTED` parts of a journal for the page, in the order of the journal.
+    """Returns at most `LISTED` parts of a journal for the page, in the order of the journal.
 
-    The latest failed parts come first in the selection; the latest of the other parts fill the rest.
+    The latest failed parts are taken and, while there is room, the latest of the other parts.
     """
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]

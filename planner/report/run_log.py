@@ -1,8 +1,8 @@
 """The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
-A journal consists of JSON lines. Each line has a SHA-256 of its other fields, among which is the SHA-256 of
-the line before. This chain is checked through all files of a journal that consists of several closed
-segments. `grasp-journal replay` checks that every decision follows from its widths.
+A journal consists of JSON lines. Each line repeats the SHA-256 of the line before, and has a SHA-256 of its
+own content. A long journal consists of several files, called segments; this chain of digests is checked
+through all of them. `grasp-journal replay` checks that every decision follows from its widths.
 """
 
 import base64
@@ -30,7 +30,7 @@ class Squeezed(NamedTuple):
 
 @dataclass(slots=True)
 class PartLog:
-    """What a journal says of one part; `outcome` is "cut short" if the journal ends before it."""
+    """What a journal says of one part; `outcome` is "cut short" if the journal ends before the part does."""
 
     part: int
     squeezes: list[Squeezed] = field(default_factory=list)
@@ -97,7 +97,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
         first = first or last
         if entry["kind"] == "header":
             ours = entry.get("table_sha256") == table_sha256
-            begins = "after_part" not in entry  # it does not where a segment continues a run
+            begins = "after_part" not in entry  # false for a segment that continues a run
             runs, others = runs + (ours and begins), others + (begins and not ours)
         elif ours:
             try:

@@ -49,7 +49,7 @@ class Layout(NamedTuple):
 
 @dataclass(slots=True)
 class _Subtree:
-    """A node or leaf with the subtrees below it; all positions are relative to its middle."""
+    """A node or leaf with the subtrees below it; all positions are relative to the middle of its panel."""
 
     target: int
     contour: dict[int, tuple[float, float]]  # least and greatest place used in each slot

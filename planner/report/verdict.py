@@ -183,7 +183,7 @@ class CellResult(NamedTuple):
 
 
 def cell_result(table: Table, log: RunLog) -> CellResult:
-    """Grades a cell by its journal; states the outcomes of parts and the node that rejected most of them."""
+    """Grades a cell by its journal; states how parts ended, and which node rejected most parts."""
     total = len(log.parts)
     if not total:
         return CellResult("fair", "no part was begun")

@@ -39,8 +39,8 @@ class Contour(NamedTuple):
 def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
     """Finds all contours of a drawing.
 
-    Closes gaps of up to `join_mm` at ends of strokes, and cuts lines where they cross or overlap. Faces that
-    share an edge form one contour.
+    Closes gaps of up to `join_mm` at ends of strokes, and cuts lines where they cross or overlap. Closed
+    regions that share an edge form one contour.
 
     Returns:
         The contours, outer before inner ones and larger before smaller ones, and notes on the drawing.

@@ -83,7 +83,7 @@ def _scale(document: Drawing, unit_mm: float | None) -> tuple[float, list[str]]:
 
 
 def _size(document: Drawing, space: Modelspace) -> int:
-    """Number of shapes of a drawing with its blocks expanded, each as often as it is inserted."""
+    """Number of shapes of a drawing; the shapes of a block count as often as the block is inserted."""
     known: dict[str, int] = {}
 
     def count(layout: BlockLayout | Modelspace, above: tuple[str, ...]) -> int:

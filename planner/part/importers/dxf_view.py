@@ -55,7 +55,7 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 class View(NamedTuple):
-    """The curves that are read from a drawing, and the shapes that it shows but that are not read."""
+    """The curves that are read from a drawing, the visible shapes that are not read, and notes."""
 
     curves: list[pieces.Curve]
     lost: list[pieces.Lost]  # shapes that are shown, but not read
@@ -151,7 +151,10 @@ class _Viewer(Frontend):
             layer.is_visible |= layer.layer.lower() == self._only
 
     def skip_entity(self, entity: DXFEntity, msg: str) -> None:
-        """Records as hidden or lost an entity that ezdxf does not draw; ezdxf calls this with the reason."""
+        """Records an entity that ezdxf does not draw, as hidden or as lost.
+
+        ezdxf calls this method with the reason `msg`.
+        """
         layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
         if layer == "0" and block is not None:
             layer = block.layer.lower()
@@ -161,7 +164,10 @@ class _Viewer(Frontend):
             self._lose(entity, msg)
 
     def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
-        """Draws or records an entity; ezdxf calls this for visible entities and for INSERTs on any layer."""
+        """Draws an entity or records it as not drawn.
+
+        ezdxf calls this method for visible entities, and for INSERTs on any layer.
+        """
         kind, layer = entity.dxftype(), properties.layer.lower()
         if isinstance(entity, Insert):
             self._draw_block(entity, properties)
@@ -201,7 +207,10 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records an entity as lost, with its box: it may be the outline only if it surrounds all others."""
+        """Records an entity as lost, with its box.
+
+        Such an entity may be the outline only if it surrounds all other shapes.
+        """
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])

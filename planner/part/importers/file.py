@@ -102,7 +102,8 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
 def _reading(path: Path) -> Iterator[list[str]]:
     """Context manager that limits the time of reading a file, and yields a list for notes on the file.
 
-    An `InputError` or `UsageError` in its body is raised again with the file's name and with the notes.
+    An `InputError` or `UsageError` in the body of the `with` statement is raised again with the file's name
+    and with the notes.
     """
     notes: list[str] = []
     try:

@@ -26,7 +26,7 @@ ROUNDS = 32  # chords of a rounded corner: error 3e-4 of its radius
 
 
 class Expression(NamedTuple):
-    """A list in a footprint's S-expression; its first element is its name."""
+    """A list in a footprint's S-expression: its first element is its name, the others are its values."""
 
     name: str
     values: list[object]  # the further elements: words, texts, numbers and lists

@@ -33,7 +33,7 @@ def read(data: bytes, options: Options) -> Pieces:
 
 
 def lying(data: bytes, options: Options) -> list[Lying]:
-    """Turns a solid onto each facet of its convex hull on which it can rest; the commonest facet comes first.
+    """Returns a solid at rest on each stable facet of its convex hull, the commonest facet first.
 
     The share of a facet is proportional to the solid angle that the facet subtends at the centre of mass,
     plus the solid angles of the facets from which the solid tips over onto this one. Bouncing and rolling are

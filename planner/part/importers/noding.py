@@ -208,6 +208,6 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
 
 
 def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
-    """Returns the indices of the lines of a tree that pass through the midpoint of any line of `each`."""
+    """Returns the indices of those `lines` that pass through the midpoint of any line of `each`."""
     middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
     return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

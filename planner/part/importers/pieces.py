@@ -37,7 +37,7 @@ class Options(NamedTuple):
 
     @property
     def unit_mm(self) -> float | None:
-        """Size of one unit [mm]; None: as the file states it."""
+        """Size of one unit of the drawing [mm]; None: the file states the unit."""
         return self.scale or (UNITS_MM[self.units] if self.units else None)
 
     @property
@@ -85,7 +85,7 @@ def flattened(
 
     `curve` takes (n,) parameters from `low` to `high` and returns (n, 2) points in its own unit.
     """
-    n = 8  # enough chords that a curve does not cross all of them in their middles
+    n = 8  # with fewer chords, a curve might pass through the middles of all of them and seem straight
     while True:
         points = curve(np.linspace(low, high, 2 * n + 1))
         chords = 0.5 * (points[0:-1:2] + points[2::2])
