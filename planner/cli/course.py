@@ -34,7 +34,7 @@ def of_search(_seconds: float, done: int, total: int) -> float | None:
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """The share done / total; it is that of the whole work if all stages of the work share one count."""
+    """Returns done / total: the share of the whole work, if all its stages share one count."""
     return done / total if total else None
 
 

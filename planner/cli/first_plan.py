@@ -32,7 +32,7 @@ Read = TypeVar("Read")
 
 
 class Setting(NamedTuple):
-    """Answers from which a job file is drafted, and the assumptions made where none was given."""
+    """Answers from which a job file is drafted, and the assumptions made where no answer was given."""
 
     answers: Answers
     assumed: list[str]  # what was assumed because it was not stated

@@ -229,7 +229,7 @@ def _print(
 
 
 def _share(text: str) -> float:
-    """A number between 0 and 1, for argparse."""
+    """Parses a number between 0 and 1 for argparse."""
     value = number(text)
     if not 0.0 < value < 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")

@@ -93,7 +93,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     """Refuses pushes whose fingers start inside the part.
 
     Raises:
-        InputError: names the push and says how deep the finger would stand.
+        InputError: a finger starts inside the part; the message names the push and the depth.
     """
     part, fingers = shapely.Polygon(outline), shapely.points(paths.points)  # (n, 2)
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)

@@ -192,7 +192,7 @@ def parser() -> Parser:
 
 
 def read_poses(path: Path) -> Array:
-    """Reads poses (n, 3) [mm, mm, rad] with angles in radians or degrees.
+    """Reads poses (n, 3) [mm, mm, rad] from a file that states angles in radians or in degrees.
 
     Raises:
         InputError: see `columns.read`; or the two angles of a line differ.

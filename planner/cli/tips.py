@@ -51,10 +51,12 @@ def read(path: Path) -> dict[str, Array]:
 
 
 def check_range(stated: Mapping[str, Array], most: Mapping[str, float], where: Path) -> None:
-    """Refuses pushes with too large an entry; `most` is the largest magnitude by column, or else `MOST_MM`.
+    """Refuses pushes with an entry of too large a magnitude.
+
+    `most` states the largest magnitude by column; for other columns it is `MOST_MM`.
 
     Raises:
-        InputError: names the push and the column.
+        InputError: an entry is too large; the message names the push and the column.
     """
     for name, values in stated.items():
         bound = most.get(name, MOST_MM)
@@ -114,7 +116,7 @@ def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, In
     deepest in the part is clear.
 
     Returns:
-        Shifts (n, 2), and the rows of pushers that still overlap after `ROUNDS`.
+        Shifts (n, 2), and the indices of pushers that still overlap after `ROUNDS` rounds.
     """
     edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
     shift, rows = np.zeros((len(points), 2)), np.arange(len(points))

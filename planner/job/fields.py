@@ -115,7 +115,7 @@ class Numbers:
     plain: bool = False  # whether the list is read as a tuple, instead of an array
 
     def read(self, value: Any) -> Array | tuple[Any, ...]:
-        """Returns a valid list as a read-only array, (K,) or (K, columns), or as a tuple if it is `plain`.
+        """Returns a valid list as a read-only array, (K,) or (K, columns); if `plain` is set, as a tuple.
 
         Raises:
             InputError: the list, or an entry, is not valid.

@@ -148,10 +148,10 @@ def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Returns an error with the entry of the list `key` that it concerns; entries are numbered from 1.
+    """Returns an error that says which entry of the list `key` is at fault; entries are numbered from 1.
 
-    If the entry states the section at fault, the error's place names the entry. If the entries share this
-    section, the place stays the same; then only the message of a `FitError` names the entry.
+    If the entry itself states the section at fault, the error's place names the entry. If the entries share
+    this section, the place stays the same, and only the message of a `FitError` names the entry.
     """
     if key not in document:
         return error

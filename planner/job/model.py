@@ -66,12 +66,12 @@ class Job:
 
     @property
     def alone(self) -> tuple[Job, ...]:
-        """Jobs with one hypothesis each, one for every hypothesis; for a job of one part, the job itself."""
+        """One job for every hypothesis, with this hypothesis alone; for a job of one part, the job itself."""
         return self._each(self.hypothesis) or (self,)
 
     @property
     def foreign_parts(self) -> tuple[Job, ...]:
-        """Jobs with one part each, one for every foreign part."""
+        """One job for every foreign part; this part is the only part in it."""
         return self._each(self.foreign)
 
     def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
@@ -242,7 +242,7 @@ def _jobs(
 def _on_faces(document: dict[str, Any], folder: Path | None) -> list[Job]:
     """Returns the job of a part as stated and, if needed, the job of the part on its other face.
 
-    The second job is needed if the first states `faces` and the two faces do not look alike.
+    The second job is needed if the document states `faces` and the two faces do not look alike.
     """
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None

@@ -33,7 +33,7 @@ CHUNK = 1024
 
 
 class Sampled(NamedTuple):
-    """Draws from the estimate, one for each queried pose."""
+    """Final poses and widths that are drawn from the estimate, one for each initial pose."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
     # (n,) opening at which the fingers stop; 0 if they miss the part, full if a finger comes down on it
@@ -73,8 +73,9 @@ class Kcde(NamedTuple):
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
-        """Draws final poses of parts that lie at poses (n, 3) in the hand frame before a squeeze.
+        """Draws the final pose and width of a squeeze for each initial pose.
 
+        `poses` (n, 3) are the initial poses of the parts in the hand frame [mm, mm, rad].
         The result does not depend on the number of workers (threads).
         """
         verdict = classify_contact(self.outline, self.jaws, poses)

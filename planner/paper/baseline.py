@@ -45,7 +45,7 @@ class Baseline(NamedTuple):
     trials: int  # number of parts in each of the two worlds
 
     def figures(self) -> dict[str, Any]:
-        """Converts the object to JSON types."""
+        """The plan and its results as JSON types."""
         return {
             "baseline": "sensorless",
             "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],

@@ -74,5 +74,5 @@ class Projection:
 
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:
-    """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
+    """Normalises poses (n, 3) to x, y and rho theta [mm]; the angle is reduced to one period."""
     return np.column_stack([poses[:, :2], wrap_up(rho_mm * poses[:, 2], rho_mm * math.tau / order)])

@@ -6,8 +6,9 @@ y, has phi = pi / 2 - theta. The period is pi. For all directions between two ne
 hull's edges, the jaws touch the same two vertices. So the width has its maxima within such arcs, and its
 minima at their ends.
 
-Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
-squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
+Long, frictionless jaws that touch the part at the same time turn the part until its width is at a local
+minimum. The squeeze function maps each closing direction to that minimum: it is constant between two maxima
+of the width.
 A plan is a list of intervals of directions; one squeeze takes each interval into the next, narrower one. The
 list is built backwards, in O(n^2).
 """
@@ -141,7 +142,7 @@ class SqueezeFunction:
         return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
 
     def intervals(self) -> list[Interval]:
-        """All runs of consecutive steps that begin in the first period and are at most one period long."""
+        """All intervals of consecutive steps that begin in the first period and span at most one period."""
         k = len(self.maxima)
         starts = np.concatenate([self.maxima, self.maxima + self.period])
         ends = np.concatenate([self.minima, self.minima + self.period])

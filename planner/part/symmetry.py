@@ -84,8 +84,8 @@ def _with_few_vertices(outline: Outline) -> Outline:
 def _maps_onto_itself(boundary: LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
-    To refuse soon, it tries a few vertices before all of them, and the angles that fail most often first. An
-    outline between two circles that differ by no more than the tolerance passes every turn.
+    To refuse early, a few vertices are tried before all of them, and the angles that fail most often come
+    first. An outline between two circles that differ by no more than the tolerance passes every turn.
     """
     radii = np.hypot(*outline.T)
     if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:

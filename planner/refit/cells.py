@@ -154,7 +154,7 @@ class Cells:
         return cls(job, Program.of(table), simulator, Space.of(job, 1 + len(simulator.others)))
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
-        """Runs parts through the table in the cell at a point (d + 1,)."""
+        """Runs `parts` parts through the table in the cell that a point (d + 1,) states."""
         values = {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
         friction = values["finger_part_min"], values["finger_part_max"]
         simulator = replace(self.simulator, friction=friction)

@@ -164,9 +164,9 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest power, up to 1, of a likelihood that keeps an effective sample size of `effective` cells.
+    """The highest exponent, up to 1, at which n likelihoods have an effective sample size of `effective`.
 
-    `likelihoods` (n,) are logarithms of the likelihood in n cells. An `effective` above 0.9 n counts as
+    `likelihoods` (n,) are the logarithms of the likelihoods of n cells. An `effective` above 0.9 n counts as
     0.9 n.
     """
     effective = min(effective, 0.9 * len(likelihoods))

@@ -54,7 +54,7 @@ def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
 
 
 def of_runs(this: tuple[str, RunLog], other: tuple[str, RunLog]) -> Comparison:
-    """Compares the runs in two journals of one table; each journal comes as its name and content."""
+    """Compares the runs in two journals of one table; each argument is a journal's name and its content."""
     columns = [dict(_run_figures(log)) for _, log in (this, other)]
     names = list(dict.fromkeys([*columns[0], *columns[1]]))
     rows = [Row(name, *(column.get(name, "0") for column in columns)) for name in names]

@@ -1,7 +1,7 @@
 """A table as one page of HTML: its quality, the tree to walk through, and its job.
 
-The page loads nothing from elsewhere, which its Content-Security-Policy enforces. The same table and seed
-give the same bytes.
+The page loads nothing from elsewhere; its Content-Security-Policy enforces this. The same table and seed give
+the same bytes.
 """
 
 import hashlib

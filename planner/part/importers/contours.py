@@ -115,7 +115,7 @@ def choose(
 
 
 def holes_of(contour: Contour, contours: list[Contour]) -> list[Array]:
-    """The inner contours (n, 2) [mm] that lie inside a contour."""
+    """The contours, each (n, 2) [mm], that lie inside `contour`."""
     face = noding.face(contour.points)
     return [o.points for o in contours if o is not contour and face.contains(noding.face(o.points))]
 
@@ -163,7 +163,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
-    """Whether a ring encloses more area than two copies of one line do that lie `join_mm` apart."""
+    """Whether a ring encloses a larger area than a line drawn twice, with `join_mm` between the copies."""
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
     return len(ring) > 2 and _hull(ring).area > least and float(noding.face(ring).area) > least
 

@@ -1,4 +1,4 @@
-"""Shapes of a damaged DXF file that ezdxf removed, or whose numbers it guessed, while reading the file."""
+"""Finds the shapes that ezdxf removed from a damaged DXF file, or whose numbers it guessed."""
 
 from __future__ import annotations
 

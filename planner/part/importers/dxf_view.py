@@ -1,4 +1,7 @@
-"""Visible shapes of a DXF drawing's model space, by ezdxf's rendering front end: layers, blocks, flags."""
+"""Finds the visible shapes of a DXF drawing's model space.
+
+ezdxf's rendering front end decides what is visible; it knows layers, blocks and flags.
+"""
 
 from __future__ import annotations
 
@@ -255,7 +258,7 @@ def _width(entity: LWPolyline | Polyline) -> float:
 
 
 def _is_skewed(insert: Insert) -> bool:
-    """Whether a block scales x and y differently and holds a rotated block, which ezdxf draws wrongly."""
+    """Whether a block scales x and y differently and holds a rotated block; ezdxf draws this wrongly."""
     if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
         return False
     inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))

@@ -36,15 +36,15 @@ class Expression(NamedTuple):
         return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
 
     def has(self, name: str) -> bool:
-        """Whether one of the lists among the values has this name."""
+        """Whether there is a list called `name` among the values."""
         return any(child.name == name for child in self.children())
 
     def child(self, name: str) -> "Expression":
-        """The first list among the values with this name; raises `KeyError` if there is none."""
+        """The first list called `name` among the values; raises `KeyError` if there is none."""
         return {child.name: child for child in reversed(self.children())}[name]
 
     def numbers(self, name: str, count: int) -> Array:
-        """The first `count` numbers of the list `name` that is among the values.
+        """The first `count` numbers of the list called `name` among the values.
 
         Raises:
             KeyError: there is no such list.

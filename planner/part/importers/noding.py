@@ -41,7 +41,7 @@ class Regions(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Free ends of chains, which meet no other line."""
+    """Free ends: ends of chains that meet no other line."""
 
     points: Array  # (n, 2)
     chain: IntArray  # (n,) index of the chain that ends there
@@ -82,7 +82,7 @@ def _coordinates(lines: Array) -> list[Array]:
 
 
 def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
-    """Returns lines, and bridges that close gaps of up to `join_mm` at their free ends.
+    """Adds bridges to lines; a bridge closes a gap of up to `join_mm` at a free end of a line.
 
     `noded` are the lines, cut where they meet.
     """
@@ -101,7 +101,7 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
     """The ends of chains at which no other chain ends.
 
-    A chain of up to `join_mm` of which one end is free is an overshoot; this end is left out.
+    If a chain of up to `join_mm` has one free end, the chain is an overshoot, and this end is left out.
     """
     points = shapely.get_coordinates([shapely.get_point(chains, index) for index in (0, -1)])
     chain = np.tile(np.arange(len(chains)), 2)
@@ -157,7 +157,7 @@ def _to_nearest(
 
 
 def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
-    """Joins faces to regions where they share an edge of their outer boundaries.
+    """Unites faces that share an edge of their outer boundaries to regions.
 
     A shared edge becomes a seam of the region, unless one of the two faces is `thin`.
     """

@@ -13,7 +13,7 @@ LISTED = 6  # most seams that a note describes
 
 
 class Drawn(NamedTuple):
-    """Lines of a drawing that may bound a contour, about a local origin."""
+    """Lines of a drawing that may bound a contour, relative to a local origin."""
 
     lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
     layers: list[str]  # layer of each line; "" in formats without layers
