@@ -1,8 +1,8 @@
 """Preview of `squeezetree try`: contours, outline, jaws and defaults of a drawing before planning.
 
-As a program it reads a JSON list of arguments from each line of its input, and prints a JSON object for it.
-The studio runs it as a separate process: a drawing that takes all memory or time ends this process, and the
-page stays.
+Run as a program, this module reads a JSON list of arguments from each line of its input, and prints one JSON
+object for each line. The studio runs the program as a separate process: a drawing that takes all memory or
+time ends only this process, and the page stays.
 """
 
 import contextlib

@@ -33,7 +33,7 @@ ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Paths of pushes whose tips start clear of the part, and how far each tip overlapped as stated."""
+    """Paths of pushes whose tips start clear of the part, and how far the stated starts overlapped it."""
 
     paths: Paths
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear

@@ -5,10 +5,10 @@ user states mu N, it is estimated from the fitted ellipsoid: as the force that s
 it, averaged over directions. If only the direction of wrenches is known, each wrench is scaled onto the
 fitted surface instead.
 
-The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid: the strongest one whose
-cross-validated error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The
-Elements of Statistical Learning", 7.10). If only the directions of wrenches are known, the ridge of least
-error is taken, since such data have many pairs.
+The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid. The strongest ridge is taken
+whose cross-validated error is within one standard error of the least error (Hastie, Tibshirani and Friedman,
+"The Elements of Statistical Learning", 7.10). If only the directions of wrenches are known, the ridge of
+least error is taken, since such data have many pairs.
 """
 
 import math

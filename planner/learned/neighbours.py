@@ -1,7 +1,8 @@
 """Neighbour search among training points by the cells of a grid.
 
-Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
-rotational order. The cells along the angle are stored next to each other, so that a search scans few rows.
+Poses are normalised to [x, y, rho theta] in mm (paper V.A); the last coordinate is wrapped under the part's
+rotational order. The cells along this coordinate are stored next to each other, so that a search scans few
+rows.
 """
 
 from typing import NamedTuple

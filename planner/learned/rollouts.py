@@ -137,8 +137,8 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
     """Mask (n,) of `poses` (n, 3) at which the part's circumscribed circle meets the box of the fingers.
 
-    The box contains the fingers during a whole squeeze. So at poses outside the mask they do not touch the
-    part.
+    The box contains the fingers during a whole squeeze. So the fingers touch no part at a pose outside the
+    mask.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)

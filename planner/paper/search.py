@@ -204,5 +204,5 @@ def nearest_observation(
 
 
 def search_depth(actions: int) -> int:
-    """Depth d of the search, which the paper does not state: 3, or less where sequences are too many."""
+    """Depth d of the search, which the paper does not state: 3, or less if there are too many sequences."""
     return next((d for d in range(DEEPEST, 1, -1) if actions**d <= MOST_SEQUENCES), 1)

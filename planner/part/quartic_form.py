@@ -26,7 +26,7 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """Returns a mask (9, 9) for each of the 15 coefficients of H: the entries of T that it fills.
+    """Returns a mask (9, 9) for each of the 15 coefficients of H: the entries of T with this coefficient.
 
     T is the symmetric 4-tensor of H. The entry T_aibj has row 3 a + i and column 3 b + j; it is 1 in the mask
     of the monomial F_a F_i F_b F_j, else 0.

@@ -80,7 +80,7 @@ def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
 
 
 def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[float, float]:
-    """Half width and half height that contain all squeezes, with a margin [mm]."""
+    """Half the width and half the height of a box that contains all squeezes, with a margin [mm]."""
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
     x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach(outline))
     y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach(outline))

@@ -153,7 +153,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 
 def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
-    """The outline of a solid that lies on a face; of several outer contours, the convex hull."""
+    """The outline of a solid that lies on a face: its outer contour, or the convex hull of several."""
     pieces = mesh.silhouette(face.solid, height_mm)
     result, notes = contours.contours(pieces, tolerance_mm)
     outer = [contour.points for contour in result if contour.outer]

@@ -101,7 +101,7 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
 
 
 def _shapes(text: str) -> list[Expression]:
-    """Parses a footprint and returns the lists that state their layers: its shapes and texts."""
+    """Parses a footprint and returns its shapes and texts, which are the lists that state a layer."""
     if not re.match(r"\s*\((footprint|module)\b", text):
         raise InputError("is not a KiCad footprint; export one, or a DXF")
     try:

@@ -157,7 +157,7 @@ def _to_nearest(
 
 
 def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
-    """Unites faces that share an edge of their outer boundaries to regions.
+    """Unites faces to regions; two faces are united if their outer boundaries share an edge.
 
     A shared edge becomes a seam of the region, unless one of the two faces is `thin`.
     """
