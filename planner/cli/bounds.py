@@ -27,9 +27,9 @@ def bound_of(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate | None:
-    """Proves a lower bound on squeezes if the options ask for it, else returns None.
+    """Proves a lower bound on squeezes if the options ask for one, else returns None.
 
-    The other arguments are those of `certify`.
+    The arguments after `arguments` are those of `certify`.
     """
     if not (arguments.bound or arguments.bound_dense):
         return None

@@ -86,7 +86,7 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _single(arguments: argparse.Namespace) -> int:
-    """Compiles the job of the file to one table, where --vary is not given; returns the exit code."""
+    """Compiles the job file to one table, for a command line without --vary; returns the exit code."""
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)

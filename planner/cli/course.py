@@ -29,17 +29,20 @@ def unknown(_seconds: float, _done: int, _total: int) -> float | None:
 
 
 def of_search(_seconds: float, done: int, total: int) -> float | None:
-    """The share of a search that is done; unknown before it begins, while kernels are compiled."""
+    """The share of a search that is done; None before the search begins, while kernels are compiled."""
     return done / total if total > 1 else None
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """The share of work that is done, if the work is one stage, or if all its stages share one count."""
+    """Returns done / total: the share of the whole work, if all its stages share one count."""
     return done / total if total else None
 
 
 def of_time(expected_s: float) -> Whole:
-    """A function that returns the share of an expected time [s] that has passed; None once it is over."""
+    """Returns a function for the share of an expected time [s] that has passed.
+
+    The function returns None once this time is over.
+    """
     return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
 
 
@@ -49,8 +52,8 @@ def shown(
 ) -> Iterator[Report]:
     """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
-    A terminal shows one bar for the whole work, which never goes back. Elsewhere a line is printed every
-    `LINES_S` seconds, so that shorter work prints nothing. Both state the time left, or that it is unknown.
+    A terminal shows one bar for the whole work; the bar never goes back. Elsewhere a line is printed every
+    `LINES_S` seconds, so that shorter work prints nothing. Bar and line state the time left, if it is known.
 
     Args:
         quiet: whether to show nothing.
@@ -97,7 +100,7 @@ class _Course:
         return self._clock() - self._begun
 
     def left(self) -> str:
-        """Text for the time left, from the rate of progress since the share was first known."""
+        """Text for the time left; it follows from the progress since the share was first known."""
         if self.known and self._first and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
@@ -106,9 +109,10 @@ class _Course:
 
 
 def objects(whole: Whole) -> Report:
-    """A report that writes progress to standard error as JSON, one object a line.
+    """Returns a function that writes progress to standard error as JSON, one object a line.
 
-    Keys: `stage`, `share` (0 to 1, or null), `seconds` so far, `left` and `detail`, for people.
+    Keys: `stage`; `share` of the work (0 to 1, or null); `seconds` so far; `left` and `detail`, as texts for
+    people.
     """
     return _spaced(_Course(whole, time.monotonic), OBJECTS_S, -math.inf, _object)
 
@@ -116,13 +120,13 @@ def objects(whole: Whole) -> Report:
 def _spaced(
     course: _Course, pause_s: float, last_s: float, line: Callable[[_Course, str, str], str]
 ) -> Report:
-    """Returns a report that writes lines to standard error, at least `pause_s` apart.
+    """Returns a function that reports progress by lines on standard error, at least `pause_s` apart.
 
     Args:
         course: tracks the progress.
-        pause_s: least time between two lines.
-        last_s: time from which the first pause counts, in seconds since the work began; -inf: the first line
-            is written at once.
+        pause_s: least time between two lines [s].
+        last_s: when the first pause begins, in seconds since the work began; -inf: the first line is written
+            at once.
         line: formats a line from the course, the name of a stage and its detail.
     """
 

@@ -220,7 +220,7 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
 
 
 def _spread(value: str) -> float:
-    """Parses a standard deviation, a number that is not negative, for argparse."""
+    """Parses a standard deviation, which must not be negative, for argparse."""
     spread = number(value)
     if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
@@ -253,7 +253,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[
 
 
 def _named(identities: leaves.Identities) -> list[str]:
-    """Lines on the names given to parts: the share of right ones, and each confusion with its count."""
+    """Lines on the names given to parts: the share of right names, and each confusion with its count."""
     figures = identities.figures()
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
@@ -265,7 +265,7 @@ def _named(identities: leaves.Identities) -> list[str]:
 
 
 def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
-    """States whether the leaves' probabilities hold, and lists the leaves where they do not."""
+    """Lines that state how many leaves succeed as often as the table predicts, and list the others."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
         few = f"no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits"
@@ -282,7 +282,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Lines that count, for each leaf, parts that ended there but lay at another leaf's pose or at none."""
+    """Lines that count parts which ended at one leaf but lay at the pose of another leaf, or of none."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
@@ -292,7 +292,7 @@ def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
 
 
 def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
-    """Lists the worst errors, each with its path through the table."""
+    """Lines on the parts with the largest errors, each with the part's path through the table."""
     lines: list[str] = []
     for row in mistakes:
         x, y, theta = row.initial_pose
@@ -309,7 +309,10 @@ SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds
 
 
 def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
-    """One world as a row under `SWEEP_HEAD`; with a takt, it also states how many parts are done in time."""
+    """The figures of one world as a row under `SWEEP_HEAD`.
+
+    With a takt, the row also states how many parts are done in time.
+    """
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"
     return (
@@ -320,7 +323,7 @@ def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
 
 
 def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
-    """Indents lines under a head; if `rows` exceeds `MOST_ROWS`, adds a line that counts the rest."""
+    """Indents lines beside a head; if `rows` exceeds `MOST_ROWS`, adds a line that counts the rest."""
     more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
     return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 

@@ -45,7 +45,7 @@ MOST_OPEN = 0.5  # share of unfinished parts above which the answer is "unknown"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
 Spared = Callable[[str], AbstractContextManager[None]]
-"""Returns a context for optional work, given its name: its failure does not prevent the answer."""
+"""Takes the name of optional work; returns a context in which its failure does not prevent the answer."""
 
 
 def parser() -> Parser:
@@ -206,10 +206,10 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """Returns the grade of a plan, or "cut" or "unknown" if the grade is poor since the search is unfinished.
+    """Returns the grade of a plan, but "unknown" or "cut" for a poor plan of an unfinished search.
 
-    `open_share` is the share of parts for which the search is unfinished. It explains a poor grade if it is
-    above `MOST_OPEN` ("unknown"), or if `LEAST_DONE` of all other parts are located ("cut").
+    `open_share` is the share of parts for which the search is unfinished. A poor plan is "unknown" if this
+    share is above `MOST_OPEN`. It is "cut" if at least the share `LEAST_DONE` of the other parts are located.
     """
     if grade != "poor" or not open_share:
         return grade
@@ -219,9 +219,11 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """Chooses the files to write: the job file that `--output` names, or the first numbered one that is free.
+    """Chooses the paths of the files to write.
 
-    A file that already has the text `text` counts as free.
+    `--output` names the job file. Without this option, the job file is the first free one of NAME.toml,
+    NAME-2.toml and so on, with the name of the drawing. A file that already has the text `text` counts as
+    free.
 
     Raises:
         UsageError: the file that `--output` names exists and has another text.

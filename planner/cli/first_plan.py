@@ -32,7 +32,7 @@ Read = TypeVar("Read")
 
 
 class Setting(NamedTuple):
-    """Answers from which a job file is drafted, and the assumptions made where none was given."""
+    """Answers from which a job file is drafted, and the assumptions made where no answer was given."""
 
     answers: Answers
     assumed: list[str]  # what was assumed because it was not stated
@@ -41,14 +41,17 @@ class Setting(NamedTuple):
 
 
 def progress_of(arguments: Namespace, whole: course.Whole) -> AbstractContextManager[Report]:
-    """Shows progress, as JSON lines if asked for, else as other commands do."""
+    """Shows progress as other commands do or, with --follow, as lines of JSON."""
     if arguments.follow:
         return nullcontext(course.objects(whole))
     return shell.progress(arguments.json, whole)
 
 
 def imported_of(arguments: Namespace) -> tuple[Imported, list[str]]:
-    """Reads the outline, by default the largest contour in mm; also returns notes on what is assumed."""
+    """Reads the outline; also returns notes on the drawing and on what was assumed.
+
+    By default the outline is the largest contour, and the unit is the mm.
+    """
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
     imported, notes = in_mm(read_outline, arguments.drawing, options)
@@ -60,10 +63,10 @@ def imported_of(arguments: Namespace) -> tuple[Imported, list[str]]:
 def in_mm(
     read: Callable[[Path, Options], Read], path: Path, options: Options
 ) -> tuple[Read, list[str]]:
-    """Reads a drawing by `read`, in mm if it states no unit.
+    """Reads a drawing by the function `read`; assumes mm if the drawing states no unit.
 
     Returns:
-        The result of `read`, and notes: the assumption of mm if it was made, else none.
+        The result of `read`, and a note if mm was assumed, else no notes.
     """
     try:
         return read(path, options), []

@@ -63,7 +63,7 @@ def _row(arguments: argparse.Namespace, imported: Imported, answers: Answers) ->
 
 
 def _line(row: dict[str, Any]) -> str:
-    """A row as text, which a terminal of 80 columns shows as a table."""
+    """A row as text under `HEAD`, wrapped at 80 columns."""
     begin = f"{row['gripper']:16} {row['step_mm']:5.2f} mm  "
     if "reason" in row:
         lines = wrap(f"no: {row['reason']}", 80 - len(begin), break_long_words=False)

@@ -163,7 +163,7 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """The text of the surface file of one result."""
+    """The text of the file that states an identified limit surface and its origin."""
     surface = result.fit.surface
     values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):
@@ -229,7 +229,7 @@ def _print(
 
 
 def _share(text: str) -> float:
-    """A number between 0 and 1, for argparse."""
+    """Parses a number between 0 and 1 for argparse."""
     value = number(text)
     if not 0.0 < value < 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")

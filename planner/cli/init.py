@@ -86,7 +86,7 @@ def _init(arguments: argparse.Namespace) -> None:
 
 
 def _drawing(arguments: argparse.Namespace) -> Options:
-    """Options for reading the drawing; --thickness sets the height of the tips unless one is stated."""
+    """Options for reading the drawing; without --height, the tips' height follows from --thickness."""
     options = shell.drawing_of(arguments)
     if options.height_mm is None and arguments.thickness is not None:
         tips_mm = tips_height_mm(arguments.thickness)

@@ -1,8 +1,8 @@
 """Preview of `squeezetree try`: contours, outline, jaws and defaults of a drawing before planning.
 
-As a program it reads a JSON list of arguments from each line of its input, and prints a JSON object for it.
-The studio runs it as a separate process: a drawing that takes all memory or time ends this process, and the
-page stays.
+Run as a program, this module reads a JSON list of arguments from each line of its input, and prints one JSON
+object for each line. The studio runs the program as a separate process: a drawing that takes all memory or
+time ends only this process, and the page stays.
 """
 
 import contextlib
@@ -28,9 +28,9 @@ FINENESS = 1e-3  # tolerance of the contours on the page, as a share of their la
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:
-    """Contours, outline, jaws and defaults for arguments of `squeezetree try`, as JSON types.
+    """Returns contours, outline, jaws and defaults for arguments of `squeezetree try`, as JSON types.
 
-    `error` says why the arguments are refused, or is None.
+    The key `error` says why the arguments are refused; None if they are not.
     """
     shown: dict[str, Any] = {"contours": [], "error": None}
     try:
@@ -58,7 +58,7 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Prints the preview for each line of standard input, a JSON list of arguments; ends with the input."""
+    """Prints the preview for each line of standard input; each line is a JSON list of arguments."""
     out, sys.stdout = sys.stdout, sys.stderr  # libraries may print
     with contextlib.suppress(BrokenPipeError):  # the client was killed meanwhile
         for line in sys.stdin:

@@ -1,6 +1,8 @@
-"""Pushes in CSV files, for `plan-simulate --push`: two fingers, an edge, a rotation about a centre.
+"""Pushes in CSV files, for `plan-simulate --push`.
 
-Coordinates are in the frame in which the job writes `outline_mm`.
+A line of the file states one push by two fingers, which stand for the ends of an edge: their middle and
+distance, the direction from which they come, and their rotation about a centre. Coordinates are in the frame
+in which the job writes `outline_mm`.
 """
 
 from collections.abc import Mapping
@@ -47,9 +49,9 @@ class Drawn(NamedTuple):
 
 
 def read(path: Path, fingers_mm: float | None) -> dict[str, Array]:
-    """Reads n pushes: the columns `PLACES`, `FINGERS`, and `SHIFTS`, which may be missing.
+    """Reads the columns `PLACES`, `FINGERS` and `SHIFTS` of n pushes; `SHIFTS` may be missing.
 
-    In a file without the column `FINGERS`, `fingers_mm` is the distance of the fingers.
+    `fingers_mm` is the distance of the two fingers in a file without the column `FINGERS`.
 
     Raises:
         InputError: see `columns.read`; or no distance is stated, or an entry is out of range.
@@ -73,7 +75,7 @@ def read(path: Path, fingers_mm: float | None) -> dict[str, Array]:
 
 
 def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
-    """The paths of pushes, as `read` gives them, in the part's frame with its origin at `centroid` (2,)."""
+    """Converts pushes from `read` to paths in the part's frame, whose origin is at `centroid` (2,) [mm]."""
 
     def pairs(*names: str) -> Array:
         return np.column_stack([stated[name] for name in names])
@@ -91,7 +93,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     """Refuses pushes whose fingers start inside the part.
 
     Raises:
-        InputError: names the push and says how deep the finger would stand.
+        InputError: a finger starts inside the part; the message names the push and the depth.
     """
     part, fingers = shapely.Polygon(outline), shapely.points(paths.points)  # (n, 2)
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
@@ -103,10 +105,11 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 
 
 def exact(job: Job) -> Job:
-    """Replaces the fitted ellipsoid of a pressure on the rim or over the area by the fitted quartic.
+    """Returns a job with a quartic as limit surface, if the job's is an ellipsoid fitted to its pressure.
 
-    The quartic predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans,
-    not for a list of pushes. A job with another pressure or limit surface is returned unchanged.
+    This concerns pressure on the rim or over the area; any other job is returned unchanged. The quartic
+    predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans, not for a list
+    of pushes.
     """
     pressure = job.pressure
     spread = pressure.kind in ("boundary", "uniform") and pressure.limit_surface == "ellipsoid"
@@ -138,5 +141,5 @@ def draw(simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: Ge
 
 
 def in_degrees(moved: Array) -> Array:
-    """Displacements (n, 3) [mm, mm, rad] in mm and degrees."""
+    """Converts displacements (n, 3) [mm, mm, rad] to mm and degrees."""
     return np.column_stack([moved[:, :2], np.degrees(moved[:, 2])])

@@ -111,7 +111,7 @@ def _refit(arguments: argparse.Namespace) -> None:
 
 
 def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
-    """Reads the table of the journals, and the parts of all journals with their audits.
+    """Returns the table of the journals, and the parts of all journals with their audited poses.
 
     Raises:
         InputError: a journal or an audit cannot be used.
@@ -135,7 +135,7 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
-    """Sets the residual of each audited part, its measured less its predicted pose, from a CSV file."""
+    """Reads a CSV file of audits and sets the residual of each audited part: measured less predicted pose."""
     rows = list(csv.DictReader(documents.read(path).splitlines()))
     try:
         for row in rows:
@@ -172,7 +172,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """Squeezes with their durations, of the parts for which the journal times every squeeze."""
+    """Lists squeezes with their durations; only parts count for which the journal times every squeeze."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
@@ -201,7 +201,7 @@ def _run(job: tuple[Cells, Any, int, int]) -> Evaluation:
 def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
     """Replaces values in the text of a job file; everything else, comments too, stays as written.
 
-    A section whose `kind` is stated anew loses its other keys, except `wishart_dof`.
+    A section that gets a new `kind` loses its other keys, except `wishart_dof`.
     """
     document = tomlkit.parse(text)
     for section, values in changed.items():

@@ -63,10 +63,10 @@ def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
 def checked_output(path: Path, what: str, suffix: str) -> Path:
     """Checks and returns the path of an output, which should end in `suffix`.
 
-    A path without a suffix, or with a suffix that is not in `FORMATS`, is allowed, too.
+    A path without a suffix, or with a suffix that no format has, is allowed, too.
 
     Raises:
-        UsageError: the suffix belongs to another format.
+        UsageError: the path has the suffix of another one of `FORMATS`.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         name = path.with_suffix(suffix)
@@ -97,13 +97,15 @@ def drawing_of(arguments: argparse.Namespace) -> Options:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments for a table and, if it was stripped of its job, for the job; `loaded` reads both."""
+    """Adds the arguments for a table, and for the job of a table that holds none; `loaded` reads both."""
     parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
 
 
 def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
-    """Loads the table that `add_table` names, and its job: the embedded copy, or a file with the same digest.
+    """Loads the table that the arguments of `add_table` name, and the job of this table.
+
+    The job is the copy in the table or, with --job, a file with the same digest.
 
     Raises:
         TableError: the table cannot be used.
@@ -125,6 +127,9 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 def check_one_part(several: object, name: str, what: str) -> None:
     """Refuses several hypotheses where a command handles one part only.
 
+    `several` are the hypotheses of a job or table, if any. `name` is its file, and `what` the command's work;
+    both are for the message.
+
     Raises:
         UsageError: there are several hypotheses.
     """
@@ -134,6 +139,8 @@ def check_one_part(several: object, name: str, what: str) -> None:
 
 def check_squeezes_alone(table: Table, name: str, what: str) -> None:
     """Refuses tables with pushes where a command handles squeezes only.
+
+    `name` is the table's file, and `what` the command's work; both are for the message.
 
     Raises:
         UsageError: parts are pushed before some squeeze.
@@ -185,7 +192,10 @@ def add_scheduler(parser: argparse.ArgumentParser) -> None:
 
 
 def scheduler(arguments: argparse.Namespace) -> AbstractContextManager[Scheduler]:
-    """The workers that the options of `add_scheduler` ask for; see `planner.work.scheduler.scheduler_of`."""
+    """Context manager of the workers that the options of `add_scheduler` ask for.
+
+    See `planner.work.scheduler.scheduler_of`.
+    """
     return scheduler_of(arguments.scheduler, arguments.workers)
 
 
@@ -193,7 +203,10 @@ Body = Callable[[argparse.Namespace], int | None]
 
 
 def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
-    """The `main` of a command: takes the arguments (None: the process's own), returns the exit code."""
+    """Returns the function `main` of a command; `body` does the work.
+
+    `main` takes the arguments (None: those of the process), and returns the exit code.
+    """
     return lambda argv=None: run(parser(), argv, body)
 
 
@@ -217,12 +230,12 @@ def printer(as_json: bool) -> Callable[..., None]:
 
 @contextmanager
 def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
-    """Context of optional work: an exception or Ctrl-C in it is caught, and added to `notes`.
+    """Context of optional work: catches an exception or Ctrl-C, and adds a note on it to `notes`.
 
     Args:
-        what: the work, in the words of the note.
-        notes: where the note is added.
-        debug: print the traceback, too.
+        what: a noun for the work, used in the note.
+        notes: the list to which the note is added.
+        debug: whether to print the traceback, too.
     """
     try:
         yield
@@ -249,7 +262,7 @@ def _on_interrupt(hear: Callable[[int, FrameType | None], None]) -> Iterator[Non
 def stopping(limit: Limit, name: str) -> Iterator[None]:
     """Context in which the first Ctrl-C ends the work of a command with the result so far.
 
-    Ctrl-C interrupts the command if there is no result yet, or after an earlier Ctrl-C.
+    A further Ctrl-C, or one before there is any result, interrupts the command.
     """
 
     def hear(number: int, frame: FrameType | None) -> None:

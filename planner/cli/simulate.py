@@ -80,7 +80,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 
 def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
-    """Returns a random generator from --seed or else the job's seed; each `stream` has its own numbers."""
+    """Returns a random generator, seeded by --seed or else by the job; each `stream` gives other numbers."""
     seed = job.seed if arguments.seed is None else arguments.seed
     return np.random.default_rng([seed, *stream] if stream else seed)
 
@@ -192,7 +192,7 @@ def parser() -> Parser:
 
 
 def read_poses(path: Path) -> Array:
-    """Reads poses (n, 3) [mm, mm, rad] with angles in radians or degrees.
+    """Reads poses (n, 3) [mm, mm, rad] from a file that states angles in radians or in degrees.
 
     Raises:
         InputError: see `columns.read`; or the two angles of a line differ.
@@ -222,8 +222,8 @@ def draw(
 ) -> None:
     """Repeats the squeezes of the first poses (n, 3), n >= 1, step by step, and draws them.
 
-    `pictures` maps the names of `PICTURES` to files; the results were computed with this simulator and these
-    parameters.
+    `pictures` maps names of `PICTURES` to the files to write. Simulator and parameters are those of the
+    squeezes that are repeated.
     """
     from planner.report import canvas, trajectory  # importing matplotlib is slow
 

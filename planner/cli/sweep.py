@@ -76,7 +76,8 @@ class Outcome(NamedTuple):
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
     """Returns an order for every combination of the swept values; the value of the last name changes fastest.
 
-    `sweeps` are texts "section.key=value,value"; the overrides `common` of all jobs are applied before.
+    `sweeps` are texts "section.key=value,value". The overrides `common` apply to all jobs, before the swept
+    values do.
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
@@ -121,7 +122,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """Returns the report for one of several jobs, which passes its stages on as progress of all jobs."""
+    """Returns a function that reports the stages of one of several jobs as progress of all jobs."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
@@ -130,7 +131,7 @@ def _of_job(number: int, jobs: int, report: Report) -> Report:
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
-    """Compiles one job of a sweep, on this machine or on a cluster; an error is returned as its outcome."""
+    """Compiles one job of a sweep, on this machine or on a cluster; errors are returned as outcomes."""
     if order.refusal is not None:
         return Outcome(None, order.refusal)
     started = time.perf_counter()
@@ -148,7 +149,7 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 
 def figures_of(plan: Plan, seconds: float, takt_s: float | None) -> dict[str, Any]:
-    """The figures of a plan and its compile time, in plain types; see `Evaluation.summary`."""
+    """The figures of a plan as JSON types: sizes, compile time, and those of `Evaluation.summary`."""
     pushes = sum(len(node.pushes) for node in plan.table.nodes)
     return {
         "nodes": len(plan.table.nodes),
@@ -171,9 +172,10 @@ def run(
     scheduler: Scheduler,
     as_json: bool,
 ) -> int:
-    """Compiles all orders; writes each table to a folder as soon as it is compiled, and at the end a summary.
+    """Compiles all orders, writes their tables to the folder `output`, and at the end a summary of all.
 
-    `read` are the job file and the files that it names, which must not be overwritten.
+    Each table is written as soon as it is compiled. `read` are the job file and the files that it names;
+    these must not be overwritten.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.

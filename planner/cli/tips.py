@@ -33,7 +33,7 @@ ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Paths of pushes whose tips start clear of the part, and the overlap of each start as it was stated."""
+    """Paths of pushes whose tips start clear of the part, and how far the stated starts overlapped it."""
 
     paths: Paths
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear
@@ -51,10 +51,12 @@ def read(path: Path) -> dict[str, Array]:
 
 
 def check_range(stated: Mapping[str, Array], most: Mapping[str, float], where: Path) -> None:
-    """Refuses pushes with an entry beyond the magnitude `most` of its column, `MOST_MM` by default.
+    """Refuses pushes with an entry of too large a magnitude.
+
+    `most` states the largest magnitude by column; for other columns it is `MOST_MM`.
 
     Raises:
-        InputError: names the push and the column.
+        InputError: an entry is too large; the message names the push and the column.
     """
     for name, values in stated.items():
         bound = most.get(name, MOST_MM)
@@ -65,7 +67,7 @@ def check_range(stated: Mapping[str, Array], most: Mapping[str, float], where: P
 
 
 def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
-    """The paths of pushes (columns `NAMES`) in the part's frame, whose origin is at `centroid` (2,)."""
+    """Converts pushes from `read` to paths in the part's frame, whose origin is at `centroid` (2,) [mm]."""
     centres = np.column_stack([stated["tip_x_mm"], stated["tip_y_mm"]]) - centroid
     ways = np.column_stack([stated["way_x_mm"], stated["way_y_mm"]])
     return Paths(centres[:, None], centres, np.zeros(len(centres)), ways)
@@ -74,7 +76,7 @@ def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
 def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
     """Shifts the start of each push so that its round tips no longer overlap the part.
 
-    Each shift is the shortest that clears the deepest tip; it is repeated while another tip overlaps.
+    The shift is the shortest one that clears the deepest tip. While another tip overlaps, this is repeated.
 
     Raises:
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
@@ -108,12 +110,13 @@ def scattered(
 
 
 def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
-    """Shifts that clear n pushers of the part, each of K round tips centred at `points` (n, K, 2).
+    """Finds shifts after which n pushers no longer overlap the part.
 
-    Each round moves a pusher until its deepest tip is clear.
+    A pusher has K round tips, centred at `points` (n, K, 2). Each round moves a pusher until the tip that was
+    deepest in the part is clear.
 
     Returns:
-        Shifts (n, 2), and the rows of pushers that still overlap after `ROUNDS`.
+        Shifts (n, 2), and the indices of pushers that still overlap after `ROUNDS` rounds.
     """
     edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
     shift, rows = np.zeros((len(points), 2)), np.arange(len(points))
@@ -143,5 +146,5 @@ def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
 
 
 def status(pushed: Pushed) -> IntArray:
-    """Indices (n,) into `STATUS_NAMES`: the status of `pushed`, or untouched where the part did not move."""
+    """Indices (n,) into `STATUS_NAMES`: the status of each push, or untouched if the part did not move."""
     return np.where(pushed.moved.any(axis=1), pushed.status, UNTOUCHED)

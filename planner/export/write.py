@@ -43,7 +43,7 @@ def maps_of(table: tables.Table) -> list[tables.DecisionMap]:
 
 
 def runs_of(decided: tables.DecisionMap) -> list[Run]:
-    """The runs of a decision map, those with an object felt first, by ascending width."""
+    """The runs of a decision map by ascending width; the runs for readings with an object come first."""
     return [
         Run(flag, *interval)
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt))
@@ -52,14 +52,15 @@ def runs_of(decided: tables.DecisionMap) -> list[Run]:
 
 
 def holds(node: tables.Node, branch: int) -> bool:
-    """Whether the jaws hold the part after a branch; False for REJECT, where it is unknown what they hold."""
+    """Whether the jaws hold the part after a branch; False for REJECT, after which they may hold anything."""
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
 def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
-    """Yields test vectors, rows of the columns `VECTOR`: what follows a width at a node, for an object flag.
+    """Yields test vectors as rows of the columns `VECTOR`.
 
-    The widths are those that `_compared` lists for the segments of the node's decision map.
+    A vector states a node, a width and an object flag, and what follows: outcome, target and the place where
+    the hand lets go. The widths are those that `_compared` lists.
     """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
@@ -70,7 +71,7 @@ def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
 
 
 def _compared(segments: tables.Segments, opening_um: int) -> list[int]:
-    """Widths at which segments are tested [um]: both ends and the middle of each, -1, and the opening."""
+    """Widths at which segments are tested [um]: both ends and the middle of each segment, -1, the opening."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
         widths |= {low, (low + high - 1) // 2, high - 1}
@@ -78,7 +79,7 @@ def _compared(segments: tables.Segments, opening_um: int) -> list[int]:
 
 
 def _next(table: tables.Table, node: tables.Node, branch: int) -> tuple[int, int]:
-    """What follows a branch: the outcome, and the index of the next node or of the leaf; -1 for REJECT."""
+    """What follows a branch: the outcome, and the index of the next node or leaf, which is -1 for REJECT."""
     if branch == REJECT:
         return REJECTED, -1
     target = node.branches[branch].target
@@ -154,7 +155,7 @@ def _text(name: str, file: tables.TableFile, prefix: str) -> str:
 
 
 def _document(file: tables.TableFile) -> dict[str, Any]:
-    """A table without its job as one JSON object, under the names of `TABLE.md`, with the runs."""
+    """A table as one JSON object with the field names of `TABLE.md`, with the runs and without the job."""
     table, maps = file.table, maps_of(file.table)
     return {
         "format": "squeezetree table",

@@ -5,10 +5,10 @@ user states mu N, it is estimated from the fitted ellipsoid: as the force that s
 it, averaged over directions. If only the direction of wrenches is known, each wrench is scaled onto the
 fitted surface instead.
 
-The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid: the strongest one whose
-cross-validated error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The
-Elements of Statistical Learning", 7.10). For directions the ridge of least error is taken, since such tables
-have many pairs.
+The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid. The strongest ridge is taken
+whose cross-validated error is within one standard error of the least error (Hastie, Tibshirani and Friedman,
+"The Elements of Statistical Learning", 7.10). If only the directions of wrenches are known, the ridge of
+least error is taken, since such data have many pairs.
 """
 
 import math
@@ -104,7 +104,7 @@ def identify(
         rho_mm: the length that torques were divided by.
         kinds: kinds of surfaces to fit.
         splits: number of random splits.
-        train_share: share of the pairs, 0 to 1, to which a split fits; it holds out the others.
+        train_share: share of the pairs, 0 to 1, to which a split fits surfaces; the others are held out.
         seed: seed of the splits and of cross-validation.
         friction_n: friction with the table [N]; None: estimated from the pairs of each fit.
         report: receives the progress.
@@ -165,7 +165,10 @@ def fit(
 
 
 def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: Generator) -> Fit:
-    """Fits a surface to wrenches of unknown magnitude: scales them onto it and fits again, several times."""
+    """Fits a surface to wrenches of unknown magnitude.
+
+    Scales the wrenches onto the fitted surface and fits again, several times.
+    """
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
         scaled = Normalised(_onto_ellipsoid(data.F, A), data.V, data.weights)
@@ -189,8 +192,8 @@ def _onto_ellipsoid(F: Array, A: Array) -> Array:
 def friction(data: Normalised) -> float:
     """Estimates mu N [N]: the mean force that slides the part without turning it.
 
-    Forces are rescaled in several rounds, until the ellipsoid A that is fitted to them gives unit
-    translations v the power sqrt(v^T A^-1 v) = 1, in root mean square over all directions.
+    Several times, an ellipsoid A is fitted to the scaled forces, and the scale is corrected. In the end, the
+    power sqrt(v^T A^-1 v) of unit translations v is 1, in root mean square over all directions.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):
@@ -202,7 +205,7 @@ def friction(data: Normalised) -> float:
 def choose_ridge(data: Normalised, rho_mm: float, rng: Generator, tolerance: float = 1.0) -> float:
     """Chooses the strongest of `RIDGES` whose cross-validated error is nearly the least.
 
-    The error may exceed the least one by `tolerance` standard errors of the least one.
+    The error may exceed the least error by `tolerance` standard errors of the least error.
     """
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))

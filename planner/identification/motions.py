@@ -47,7 +47,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
         friction: initial guess of the friction coefficient of the tip.
 
     Raises:
-        InputError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
+        InputError: there are fewer than `LEAST_PUSHES` pushes; each unknown needs one.
     """
     n, rho = len(motions.moved), part.surface.rho_mm
     if n < LEAST_PUSHES:

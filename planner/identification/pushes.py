@@ -54,7 +54,7 @@ MOST = 1e30  # upper limit on the numbers of a file
 
 
 class Push(NamedTuple):
-    """One record of a push log, as logged."""
+    """One push, with the poses and forces as its log states them."""
 
     before: Array  # (7,) pose of the marker frame, mm and quaternion
     after: Array  # (7,) the same, after the push
@@ -85,7 +85,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     """Turns logged pushes into wrench-twist pairs.
 
     Returns:
-        Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
+        Wrenches (K, 3) [N, N, N mm] and twists (K, 3) [mm, mm, rad], in the part's frame.
 
     Raises:
         InputError: a push has no contact or no motion.
@@ -104,10 +104,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
 def tip_offset(pushes: list[Push]) -> float:
     """Estimates how far the pusher's tip lies to the left of its logged position [mm].
 
-    At the end of a push the tip touches a face. The distance of the logged position from the face is a
-    constant of the face (radius of the tip, size of the block) less the component of the offset along the
-    face's normal, which changes with the direction of the push. Constants and offset are estimated by least
-    squares, with a weak pull of the offset to 0 for logs that push in few directions.
+    At the end of a push the tip touches a face of the block. The logged position lies at a distance from this
+    face: a constant of the face (radius of the tip, size of the block) less the component of the offset along
+    the face's normal. This component changes with the direction of the push. The constants and the offset are
+    estimated by least squares. A weak pull of the offset to 0 helps with logs of few directions.
     """
     rows, distances = [np.array([0.0, 0.0, 0.0, TIP_PRIOR])], [0.0]
     for push in pushes:
@@ -123,7 +123,10 @@ def tip_offset(pushes: list[Push]) -> float:
 
 
 def _twist(push: Push) -> Array:
-    """The twist (3,), mm and rad, that takes the block from before to after: the SE(2) logarithm."""
+    """The twist (3,) [mm, mm, rad] that takes the block from the pose before to the pose after a push.
+
+    It is the SE(2) logarithm of the motion.
+    """
     before, turned = _yaw(push.before[3:]), _turned(push)
     x, y = _turn(before).T @ (_origin(push.after) - _origin(push.before))
     half = 0.5 * turned
@@ -132,7 +135,10 @@ def _twist(push: Push) -> Array:
 
 
 def _wrench(push: Push, sideways: float) -> Array:
-    """The mean contact wrench (3,), N and N mm, in the part's frame; 0 if there is no contact."""
+    """The mean contact wrench (3,) [N, N, N mm] in the part's frame; 0 if there is no contact.
+
+    `sideways` is the offset of the tip to the left of the logged position [mm].
+    """
     measured = push.forces[:, 1:] - push.forces[0, 1:]
     contact = _contact(measured)
     if not contact.any():
@@ -162,7 +168,7 @@ def _contact(measured: Array) -> BoolArray:
 
 
 def _origin(pose: Array) -> Array:
-    """The origin of the part's frame, (2,) mm, world."""
+    """The origin (2,) of the part's frame in the world [mm], from a logged pose of the marker frame."""
     return np.asarray(pose[:2] + _turn(_yaw(pose[3:])) @ MARKER_TO_PART_MM)
 
 

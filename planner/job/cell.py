@@ -1,4 +1,4 @@
-"""Converts the cell of a job to the records of tables: limits, gripper, and the model of time."""
+"""Converts the gripper and the cell of a job to records of a decision table: limits, gripper, time model."""
 
 import json
 
@@ -7,7 +7,10 @@ from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
-    """Returns the limits that a job's table states; the table's longest path has `depth` squeezes."""
+    """Returns the limits of a job's cell as a table states them.
+
+    `depth` is the number of squeezes on the table's longest path.
+    """
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(
@@ -24,7 +27,7 @@ def limits_of(job: Job, depth: int) -> Limits:
 
 
 def gripper_of(job: Job) -> GripperSpec:
-    """Converts the gripper of a job to the form of a table: its profile, and the size of the fingers."""
+    """Returns the gripper of a job as a table states it: its profile, and the size of the fingers."""
     gripper = job.gripper
     fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
     return GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))

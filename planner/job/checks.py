@@ -1,4 +1,4 @@
-"""Checks of a job that concern several values, or the geometry of one."""
+"""Checks of a job that compare several values, or concern the geometry of one value."""
 
 import math
 from collections.abc import Iterator
@@ -26,12 +26,13 @@ LEAST_STEPS = 8  # Steps of a reading between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
-    """Returns the outline in the part's frame, and its shift from the drawing.
+    """Returns an outline in the part's frame, and the shift from the drawing to this frame.
 
-    An outline that is not `drawn`, but in the canonical form, is only checked: its shift is 0.
+    If `drawn` is False, the outline should already be canonical: it is only checked, and the shift is 0.
 
     Raises:
-        InputError: the outline is not a simple polygon; or it is not `drawn`, and clockwise or off centre.
+        InputError: the outline crosses or touches itself; or `drawn` is False, and the outline is clockwise
+            or off centre.
     """
     try:
         if drawn:
@@ -42,9 +43,10 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
 
 
 def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array) -> None:
-    """Moves the support points by the shift of the outline and normalises their weights (in place).
+    """Moves the support points by the shift of the outline, and normalises their weights (in place).
 
-    Points without weights get equal ones.
+    Points without weights get equal weights. If the pressure is an ellipsoid that the job states, only the
+    ellipsoid is checked.
 
     Raises:
         InputError: points lie off the part or all in one place, their number differs from the number of
@@ -136,7 +138,10 @@ def conflicts(values: Values) -> Conflicts:
 
 
 def of_parts(job: Any, names: list[str]) -> Conflicts:
-    """Yields the conflicts between a job and the parts that may lie on the table, given by their names."""
+    """Yields the conflicts between a job and the number and names of its hypotheses.
+
+    Some settings suit one hypothesis only, others need several, and names must differ.
+    """
     if len(names) == 1:
         if job.goal.kind == "identity":
             problem = 'is "identity", but only one part may lie there'

@@ -1,4 +1,4 @@
-"""The text of a job as nested tables: TOML from people, JSON in tables."""
+"""Parses the text of a job to nested dictionaries: TOML from people, or JSON from a decision table."""
 
 import math
 import re
@@ -23,11 +23,11 @@ PAPER_PARTICLES = 6_000  # default number of particles of the paper's methods (p
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
-    """Reads a job, or another UTF-8 file that a person wrote.
+    """Returns the text of a job file, or of another UTF-8 file that a person wrote.
 
     Raises:
-        InputError: the file is not UTF-8; or it is missing, unreadable, a directory or too large, which
-            the error reports with `advice`.
+        InputError: the file is not UTF-8. Or it is missing, unreadable, a directory or too large; then the
+            message ends with `advice`.
     """
     where = str(path)
     try:
@@ -46,10 +46,10 @@ def read(path: str | Path, advice: str = "check the path") -> str:
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
-    """Parses TOML text; returns the document as nested tables.
+    """Parses TOML text; returns the document as nested dictionaries.
 
     Raises:
-        InputError: the text is not valid TOML; names line and column.
+        InputError: the text is not valid TOML; the message names line and column.
     """
     try:
         return strict_toml.parse(text.replace("\r\n", "\n"))
@@ -65,7 +65,7 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:
-    """Parses the canonical text of a job; returns the document as nested tables.
+    """Parses the canonical text of a job; returns the document as nested dictionaries.
 
     Raises:
         InputError: the text is not a JSON object.
@@ -150,7 +150,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
 
 def _entries_with(entries: Any, section: str, values: Mapping[str, Any]) -> Any:
-    """Returns a list of entries; entries that state the section get these values in it."""
+    """Replaces values of a section in the entries of a list; entries without this section stay the same."""
     if not isinstance(entries, list):
         return entries  # an invalid list is refused later
     return [
@@ -162,7 +162,7 @@ def _entries_with(entries: Any, section: str, values: Mapping[str, Any]) -> Any:
 
 
 def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns a copy of a section with values replaced, without the keys that the new values exclude."""
+    """Returns a copy of a section with values replaced, without the keys that contradict the new values."""
     table = dict(table)
     for key, value in values.items():
         if (section, key) == ("pressure", "kind"):

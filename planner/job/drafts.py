@@ -116,18 +116,19 @@ def _shape(imported: Imported) -> dict[str, object]:
 
 
 def opening_of(gripper: str) -> float:
-    """How wide a gripper opens [mm]."""
+    """The distance of a gripper's open jaws [mm]; `gripper` is a model."""
     return GRIPPERS[gripper].stroke_um / 1000
 
 
 def room_mm(imported: Imported, gripper: str) -> float:
-    """Largest distance of the part's centroid from the hand at which open fingers clear it at any angle [mm].
+    """Largest distance between hand and part at which the open fingers still clear the part [mm].
 
-    The distance is negative if the jaws open less than twice the part's reach.
+    The distance is that of the part's centroid from the hand's middle; the part may lie at any angle. The
+    result is negative if the jaws open less than twice the part's reach.
     """
     return 0.5 * opening_of(gripper) - reach(imported.outline_mm)
 
 
 def proposed_radius_mm(imported: Imported, gripper: str) -> float:
-    """Proposed radius of the disc in which the centroid lies [mm], a whole number of at least 1."""
+    """Proposes the radius of the disc in which a part's centroid lies [mm]: a whole number of at least 1."""
     return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))

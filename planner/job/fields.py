@@ -46,7 +46,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Integer:
-    """A whole number from `low` to `high`, or the text `word` if it is not empty."""
+    """A whole number from `low` to `high`; the text `word`, unless empty, is also valid."""
 
     low: int
     high: int
@@ -103,7 +103,8 @@ class Text:
 class Numbers:
     """A list of `least` to `most` entries.
 
-    An entry is a number in the range of `item`; if `columns` is not 0, it is a row of so many such numbers.
+    An entry is a number in the range of `item`. If `columns` is not 0, an entry is a row of `columns` such
+    numbers.
     """
 
     item: Number
@@ -114,7 +115,11 @@ class Numbers:
     plain: bool = False  # whether the list is read as a tuple, instead of an array
 
     def read(self, value: Any) -> Array | tuple[Any, ...]:
-        """Returns the list as a read-only array, (K,) or (K, columns), or as a tuple, if it is valid."""
+        """Returns a valid list as a read-only array, (K,) or (K, columns); if `plain` is set, as a tuple.
+
+        Raises:
+            InputError: the list, or an entry, is not valid.
+        """
         if not isinstance(value, list | tuple):
             raise InputError(f"must be a list {self._shape()}, not {shown(value)}")
         if not self.least <= len(value) <= self.most:
@@ -151,7 +156,7 @@ class Poses:
     default: Any = REQUIRED
 
     def read(self, value: Any) -> dict[str, list[float]]:
-        """Returns valid poses, sorted by name."""
+        """Returns the poses, sorted by name, if all are valid; raises `InputError` otherwise."""
         if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
             wanted = f"1 to {MOST_POSES} lines name = [x, y, angle]"
             raise InputError(f"must be {wanted}, not {shown(value)}")
@@ -193,7 +198,7 @@ def check_names(names: Iterable[str], valid: Iterable[str], section: str) -> Non
     """Checks the names of keys, or of keys and sections if `section` is "".
 
     Raises:
-        KeyNameError: a name is not valid; proposes the nearest valid one.
+        KeyNameError: a name is not valid; the message proposes the nearest valid name.
     """
     valid = tuple(valid)
     for name in names:

@@ -102,7 +102,7 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
         turned = TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
         pressure["ellipsoid"] = turned.tolist()
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
-    # A mirrored frame is left-handed. So the datum's y axis is reversed, and y and angle of the picks in it.
+    # A mirrored frame is left-handed. So the datum's y axis is reversed, and with it the picks' y and angle.
     if part.get("datum") is not None:
         part["datum"] = _mirrored(part["datum"])
         picks = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()}
@@ -148,9 +148,10 @@ def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Returns an error about an entry of the list `key` with the entry's number, from 1, in its place.
+    """Returns an error that says which entry of the list `key` is at fault; entries are numbered from 1.
 
-    An error about a section that the entries share keeps its place; only a `FitError` names the entry there.
+    If the entry itself states the section at fault, the error's place names the entry. If the entries share
+    this section, the place stays the same, and only the message of a `FitError` names the entry.
     """
     if key not in document:
         return error

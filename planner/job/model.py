@@ -66,12 +66,12 @@ class Job:
 
     @property
     def alone(self) -> tuple[Job, ...]:
-        """For each hypothesis a job in which it is the only one; for a job of one part, the job itself."""
+        """One job for every hypothesis, with this hypothesis alone; for a job of one part, the job itself."""
         return self._each(self.hypothesis) or (self,)
 
     @property
     def foreign_parts(self) -> tuple[Job, ...]:
-        """For each foreign part a job in which it is the only part."""
+        """One job for every foreign part; this part is the only part in it."""
         return self._each(self.foreign)
 
     def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
@@ -185,7 +185,8 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     Args:
         document: the parsed job.
         where: the job's file, for errors.
-        drawn: whether a person drew the outline, so that it has to be centred; the canonical form is centred.
+        drawn: whether the outline is as a person drew it, and has to be centred; in the canonical form it is
+            centred already.
 
     Raises:
         InputError: see `parse`.
@@ -225,7 +226,10 @@ def _of_document(document: dict[str, Any], folder: Path | None) -> Job:
 def _jobs(
     document: dict[str, Any], key: str, listed: Sequence[dict[str, Any]], folder: Path | None
 ) -> list[list[Job]]:
-    """Returns for each part of the list `key` its jobs: one for each face on which it may lie."""
+    """Returns the jobs of each part of the list `key`: one job for each face on which the part may lie.
+
+    `listed` are the documents of the parts, and `document` is the whole job's, for errors.
+    """
     results = []
     for number, alone in enumerate(listed, start=1):
         try:
@@ -236,9 +240,9 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], folder: Path | None) -> list[Job]:
-    """Returns the job of a part, and a second one for its other face if needed.
+    """Returns the job of a part as stated and, if needed, the job of the part on its other face.
 
-    The second one is needed if the job names `faces` and the two faces do not look alike.
+    The second job is needed if the document states `faces` and the two faces do not look alike.
     """
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
@@ -275,7 +279,10 @@ def _of_one(document: dict[str, Any], folder: Path | None) -> Job:
 
 
 def _document(job: Job) -> dict[str, Any]:
-    """Converts a job to JSON types; with several hypotheses, it has no sections of its own for the part."""
+    """Converts a job to a document of JSON types.
+
+    If there are several hypotheses, only these have the sections [part], [pressure] and [friction].
+    """
     document: dict[str, Any] = _plain(asdict(job))
     if job.foreign:
         document[hypotheses.FOREIGN] = document.pop("foreign")

@@ -73,7 +73,7 @@ class Gripper:
 
     @property
     def profile(self) -> GripperProfile:
-        """The profile of the gripper's model, with the values of the job in place of its own."""
+        """The profile of the gripper's model, with the values that the job states in place of the model's."""
         preset, stroke_um = profile_of(self.model), round(1e3 * self.opening_mm)
         steps = round(self.opening_mm / self.resolution_mm)
         counts = preset.counts and (preset.counts if steps == preset.steps else None)
@@ -98,8 +98,8 @@ def _pair(low: float, high: float, default: float = 0.0) -> Numbers:
 class Doubt:
     """Constant errors that a cell may have, relative to the values in the rest of the job.
 
-    With probability `chance` one error, chosen at random, is drawn from its interval, more often near the
-    ends. All others are at the middle of their intervals.
+    With probability `chance`, one error is chosen at random and drawn from its interval, more often near the
+    ends. All other errors are at the middle of their intervals.
     """
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # probability of an error
@@ -157,10 +157,11 @@ class Actions:
 class Goal:
     """When a part counts as located.
 
-    Kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9). "tolerances": x, y and theta are
-    each within a tolerance (paper, VII). "modes": the pose is, as for "pose", within the distance of one of
-    at most `modes` poses. "orientation": theta is within its tolerance, at any position. "identity": the
-    hypothesis is known, at any pose. Angles that differ by a turn of the part's symmetry are equal.
+    Kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9), with rho the part's radius of
+    gyration. "tolerances": x, y and theta are each within a tolerance (paper, VII). "modes": the pose is
+    within the distance of one of at most `modes` poses. "orientation": theta is within its tolerance, at any
+    position. "identity": the hypothesis is known, at any pose. Angles that differ by a turn of the part's
+    symmetry are equal.
     """
 
     kind: Annotated[
@@ -220,7 +221,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delivery:
-    """Where to deliver a located part; `runtime.execution.delivery` reads this from the table's job."""
+    """Where to deliver a located part; the runtime reads this section from the job that a table contains."""
 
     # (3,) target of the part's frame in the world: x, y [mm] and angle [deg].
     drop: Annotated[Array, Numbers(PLACE, least=3, most=3)]

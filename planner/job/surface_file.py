@@ -81,10 +81,10 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def resolve(pressure: dict[str, Any], folder: Path | None) -> None:
-    """Replaces `surface_file` by the content of the file, or checks the surface stated in its place.
+    """Replaces the key `surface_file` by the content of the file, or checks the surface that stands instead.
 
-    Changes `pressure` in place, if its kind is "identified". `surface_file` is relative to the folder of the
-    job file; the canonical form has none, and may not refer to files.
+    Changes `pressure` in place, and only if its kind is "identified". `surface_file` is relative to `folder`,
+    the folder of the job file. `folder` is None for the canonical form of a job, which may not name files.
 
     Raises:
         InputError: the file cannot be used; or the surface is stated twice, or not at all, or is not shown

@@ -2,10 +2,10 @@
 
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
-over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out at random by its weight, among those of the 400 nearest
-roll-outs whose weight exceeds e^-20 times the largest weight. Unlike in the paper, only parts that the
-fingers touch are moved (`planner.mechanics.clearance`).
+The sum runs over roll-outs j. Poses are in the hand frame, normalised to [x, y, rho theta], and the angle is
+wrapped under the part's rotational order. A draw picks a roll-out at random by its weight, among those of the
+400 nearest roll-outs whose weight exceeds e^-20 times the largest weight. Unlike in the paper, only parts
+that the fingers touch are moved (`planner.mechanics.clearance`).
 """
 
 import math
@@ -33,7 +33,7 @@ CHUNK = 1024
 
 
 class Sampled(NamedTuple):
-    """Draws from the estimate, one for each queried pose."""
+    """Final poses and widths that are drawn from the estimate, one for each initial pose."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
     # (n,) opening at which the fingers stop; 0 if they miss the part, full if a finger comes down on it
@@ -44,7 +44,7 @@ class Sampled(NamedTuple):
 class Kcde(NamedTuple):
     """The fitted density: M roll-outs, ordered by grid cell."""
 
-    grid: Grid  # their normalised initial poses
+    grid: Grid  # normalised initial poses of the roll-outs
     initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]
     end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
     source: IntArray  # (M,) original index of each roll-out
@@ -73,8 +73,9 @@ class Kcde(NamedTuple):
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
-        """Draws final poses of parts that lie at poses (n, 3) in the hand frame before a squeeze.
+        """Draws the final pose and width of a squeeze for each initial pose.
 
+        `poses` (n, 3) are the initial poses of the parts in the hand frame [mm, mm, rad].
         The result does not depend on the number of workers (threads).
         """
         verdict = classify_contact(self.outline, self.jaws, poses)
@@ -128,10 +129,11 @@ def _draw(
     out: Array,
     source: IntArray,
 ) -> None:
-    """Draws a final pose and width for each of `poses` (n, 3), with an initial search radius of `look` [mm].
+    """Draws a final pose and width for each of `poses` (n, 3).
 
-    They are written into `out` (n, 4), and the indices of the roll-outs into `source` (n,). The draws use
-    `chance` (n,), uniform in [0, 1), and `noise` (n, 3), standard normal.
+    Writes poses and widths into `out` (n, 4), and the indices of the drawn roll-outs into `source` (n,). The
+    draws use `chance` (n,), uniform in [0, 1), and `noise` (n, 3), standard normal. The search for roll-outs
+    begins within `look` [mm].
     """
     grid, initial, rho = model.grid, model.initial, model.rho_mm
     q, turn, spread = np.empty(3), grid.period / rho, SPREAD * BANDWIDTH_MM * BANDWIDTH_MM

@@ -1,7 +1,8 @@
 """Neighbour search among training points by the cells of a grid.
 
-Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
-rotational order. The cells along the angle are stored next to each other, so that a search scans few rows.
+Poses are normalised to [x, y, rho theta] in mm (paper V.A); the last coordinate is wrapped under the part's
+rotational order. The cells along this coordinate are stored next to each other, so that a search scans few
+rows.
 """
 
 from typing import NamedTuple
@@ -35,7 +36,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(points: Array, period: float) -> Grid:
-    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is the last coordinate's [mm]."""
+    """Sorts normalised points (N, 3), N >= 1, into a grid; `period` is that of the last coordinate [mm]."""
     wrapped = np.array(points, dtype=np.float64)
     wrapped[:, 2] = wrap_up(wrapped[:, 2], period)
     corner = wrapped[:, :2].min(axis=0)
@@ -161,7 +162,10 @@ def nearest_within(
 
 @kernel
 def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
-    """Moves the `most` nearest points to the front, in their former order; of ties the first are taken."""
+    """Moves the `most` nearest of `count` points to the front of both arrays, in their former order.
+
+    Of points at equal distance the first are taken.
+    """
     farthest = np.partition(squares[:count], most - 1)[most - 1]
     ties = most - np.sum(squares[:count] < farthest)
     kept = 0

@@ -2,8 +2,8 @@
 
 The centre of the part starts in a disc about the hand, at any angle of the part. Each roll-out has its own
 limit surface and friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK`
-starts. A block depends only on the simulator, its ring and its number in the ring, which seed its random
-stream: a larger region or more roll-outs add blocks. Actions, goal and seed of a job have no effect.
+starts. A block depends only on the simulator, its ring and its number in the ring; these seed its random
+stream. So a larger region or more roll-outs only add blocks. Actions, goal and seed of a job have no effect.
 """
 
 import hashlib
@@ -57,9 +57,9 @@ def roll_outs(
 ) -> RollOuts:
     """Rolls out training squeezes over a disc of part centres about the hand, at any angle.
 
-    The result depends on the simulator, the radius and the count only. It may have fewer or more than `count`
-    roll-outs: starts beyond the fingers' reach are left out, since nothing happens there, and how many starts
-    of the last ring lie in the disc is random. Progress counts blocks.
+    The result depends on the simulator, the radius and the count only. It may have fewer than `count`
+    roll-outs, since starts beyond the fingers' reach are left out. It may also have more, since the number of
+    starts of the last ring that lie in the disc is random. Progress counts blocks.
 
     Raises:
         ValueError: radius or count is not above 0, or the radius is infinite.
@@ -126,7 +126,10 @@ def region_radius(job: Job) -> float:
 
 
 def farthest(outline: Array, jaws: Jaws) -> float:
-    """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm]."""
+    """Distance of part and hand beyond which no finger touches the part, at any angle of the part [mm].
+
+    The distance is that between the part's centre and the hand's.
+    """
     half_x, half_y = _swept(jaws)
     return math.hypot(half_x, half_y) + reach(outline)
 
@@ -134,7 +137,8 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
     """Mask (n,) of `poses` (n, 3) at which the part's circumscribed circle meets the box of the fingers.
 
-    The box contains the fingers during a whole squeeze: at other poses they do not touch the part.
+    The box contains the fingers during a whole squeeze. So the fingers touch no part at a pose outside the
+    mask.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)
@@ -143,9 +147,9 @@ def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
 
 
 def ring_counts(radius_mm: float, count: int) -> list[int]:
-    """Numbers of starts in each ring, from the innermost on, so that about `count` starts lie in the disc.
+    """The number of starts in each ring, the innermost first, so that about `count` starts lie in the disc.
 
-    The last ring is filled as a whole, even if the disc ends within it.
+    The last ring is filled as a whole, even if the disc ends within this ring.
     """
     density = count / (math.pi * radius_mm**2)
     rings = math.ceil(radius_mm / RING_MM)

@@ -1,4 +1,4 @@
-"""Baseline: Goldberg's sensorless squeeze plan, evaluated in the same worlds as the planner's."""
+"""Baseline: Goldberg's sensorless squeeze plan, evaluated in the same world as decision tables."""
 
 import math
 from functools import partial
@@ -45,7 +45,7 @@ class Baseline(NamedTuple):
     trials: int  # number of parts in each of the two worlds
 
     def figures(self) -> dict[str, Any]:
-        """Converts the object to JSON types."""
+        """The plan and its results as JSON types."""
         return {
             "baseline": "sensorless",
             "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],
@@ -63,7 +63,8 @@ class Baseline(NamedTuple):
 def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
     """Plans a job without sensors, and runs the plan on `trials` parts in each of two worlds.
 
-    The hand is always placed at the origin. The result does not depend on the scheduler; None uses all cores.
+    One is the job's world, the other has long jaws and no friction. The hand is always placed at the origin.
+    The result does not depend on the scheduler; None uses all cores.
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)
@@ -110,7 +111,7 @@ def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> t
 
 
 def seconds_of(job: Job, angles: Array, widths: Array) -> float:
-    """Mean seconds a part, by the table's model of time, if squeezes end at widths (n, squeezes) [mm]."""
+    """Mean seconds that a part takes, by the model of time, if squeezes end at widths (n, squeezes) [mm]."""
     gripper = job.gripper
     opening_um, speed_um_s = round(1e3 * gripper.opening_mm), round(1e3 * gripper.speed_mm_s)
     alike = gripper.upper_finger_share == 0.5

@@ -5,10 +5,11 @@ leaves four points open, which are decided here as follows:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, but not expanded.
 - Of sequences of equal ratio the first is the result. The empty sequence does not compete: the result has an
-  action even if every action lowers the ratio. It is empty only if each action collides or is pruned.
+  action even if every action lowers the ratio. The result is empty only if each action collides or is pruned.
 - Algorithm 3 keeps a successor whose ratio r is above alpha E.r, where E is the expanded element. The text
-  of section VI drops a successor whose ratio is below alpha E.r. The two differ where both ratios are 0, as
-  for a belief of two modes: there the printed algorithm would end the tree at once, so the text is used.
+  of section VI drops a successor whose ratio is below alpha E.r. The two rules differ where both ratios are
+  0, as for a belief of two modes. There the printed algorithm would end the tree at once, so the rule of the
+  text is used.
 - CollisionFree tests the whole belief. A learned detector errs, so a placement counts as free up to a share
   of collisions (`COLLIDING_SHARE`).
 """
@@ -29,7 +30,7 @@ from planner.paper.sensor import Collides
 Motion: TypeAlias = Callable[[Array, Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 ALPHA = 0.75
-"""Share of its singleton ratio that a sequence must keep with another action; else the result is pruned."""
+"""Share of its singleton ratio that a sequence must keep when an action is added; else it is pruned."""
 COLLIDING_SHARE = 0.005
 """Share of the belief that may lie under an open finger of a collision-free action."""
 
@@ -78,7 +79,10 @@ class OpenLoop:
         return best
 
     def free(self, poses: Array, placement: Array) -> bool:
-        """Whether the hand can be set down at a placement (3,) among the believed poses (n, 3)."""
+        """Whether the hand can be set down at a placement (3,) without collision.
+
+        Nearly all of the believed poses (n, 3) have to be free of collision.
+        """
         return bool(self.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
 
     def moved(self, poses: Array, placement: Array, rng: Generator) -> Array:

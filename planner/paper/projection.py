@@ -1,8 +1,8 @@
 """Projection of particles onto the subspace of their width (paper V.C).
 
-A motion model that blurs leaves particles beside the poses in which two fingers can hold a part. So each
-subspace is stored as the final poses of the roll-outs that end in it, and a particle moves to the nearest
-stored pose of its subspace. Free space has all three dimensions, so particles in free space stay.
+The learned motion model is not exact: its particles lie beside the poses in which two fingers can hold a
+part. So each subspace is stored as the final poses of the roll-outs that end in it, and a particle moves to
+the nearest stored pose of its subspace. Free space has all three dimensions, so particles in free space stay.
 """
 
 from __future__ import annotations
@@ -74,5 +74,5 @@ class Projection:
 
 
 def _points(poses: Array, rho_mm: float, order: int) -> Array:
-    """Normalised poses (n, 3), the angle within one period: x, y, rho theta [mm]."""
+    """Normalises poses (n, 3) to x, y and rho theta [mm]; the angle is reduced to one period."""
     return np.column_stack([poses[:, :2], wrap_up(rho_mm * poses[:, 2], rho_mm * math.tau / order)])

@@ -37,17 +37,17 @@ TOLERANCES = (2.5, 2.5, math.radians(5.0))
 SINGLETON_SHARE = 0.95  # r_s, the singleton ratio above which a node is a leaf
 MOST_SEQUENCES = 500  # most open-loop sequences of the greatest length that a search judges
 DEEPEST = 3  # greatest depth of the search for open-loop sequences
-SENSORLESS_DEPTH = 5  # this greatest depth for the sensorless method
+SENSORLESS_DEPTH = 5  # the same depth for the sensorless method
 SENSORLESS_BUDGET = 400
 """Most beliefs to expand: four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 
 
 def singleton(poses: Array, order: int) -> Mode:
-    """SingletonRatio(X, eps) as printed (VI.1): average pose of particles (m, 3), and share of those near it.
+    """SingletonRatio(X, eps) as printed (VI.1): average pose of particles (m, 3), and share near this pose.
 
     The average is over x, y, cos(n theta) and sin(n theta), with n the order; near means within `TOLERANCES`.
-    The paper prints n = 2. The average of two modes lies between them, so the ratio is always near 0; the
-    default method uses the mode ratio of `planner.belief.metric`.
+    The paper prints n = 2. For a belief of two modes the average lies between the modes, and the ratio is
+    near 0. So the default method uses the mode ratio of `planner.belief.metric` instead.
     """
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
@@ -187,7 +187,7 @@ def nearest_observation(
     subspaces whose mean widths give the same reading become one child, since no reading distinguishes them.
 
     Returns:
-        The partition of all readings into one cell for each child, and the child (n,) of each particle.
+        The partition of all readings into one interval for each child, and the child (n,) of each particle.
     """
     counts = np.clip(encoder.steps - width_mm / encoder.mm_per_step, 0, encoder.steps)
     member = np.unique(subspace, return_inverse=True)[1]
@@ -204,5 +204,5 @@ def nearest_observation(
 
 
 def search_depth(actions: int) -> int:
-    """Depth d of the search, which the paper does not state: 3, or less where sequences are too many."""
+    """Depth d of the search, which the paper does not state: 3, or less if there are too many sequences."""
     return next((d for d in range(DEEPEST, 1, -1) if actions**d <= MOST_SEQUENCES), 1)

@@ -45,7 +45,7 @@ def collision_detector(initial: Array, stands: BoolArray, order: int) -> Collide
 
 
 def _fitted(tree: Any, known: Array, values: Array | BoolArray, order: int) -> Callable[..., Any]:
-    """Fits a tree to the values (n,) of known poses (n, 3); returns the function that predicts by it."""
+    """Fits a tree to the values (n,) of known poses (n, 3); returns a function that predicts by this tree."""
     tree.fit(features(known, order), values)
 
     def predict(poses: Array) -> Any:

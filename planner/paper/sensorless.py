@@ -2,13 +2,15 @@
 
 The width function is the distance of two parallel jaws that both touch the part. Its argument is the
 closing direction phi in the part's frame: a part at angle theta in the hand frame, where the jaws close along
-y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges two fixed vertices
-touch: maxima lie within such an arc and minima at its ends.
+y, has phi = pi / 2 - theta. The period is pi. For all directions between two neighbouring normals of the
+hull's edges, the jaws touch the same two vertices. So the width has its maxima within such arcs, and its
+minima at their ends.
 
-Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
-squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
-A plan is a list of intervals of directions; one squeeze takes each into the next narrower one. It is built
-backwards, in O(n^2).
+Long, frictionless jaws that touch the part at the same time turn the part until its width is at a local
+minimum. The squeeze function maps each closing direction to that minimum: it is constant between two maxima
+of the width.
+A plan is a list of intervals of directions; one squeeze takes each interval into the next, narrower one. The
+list is built backwards, in O(n^2).
 """
 
 from __future__ import annotations
@@ -78,7 +80,10 @@ def width_function(outline: Outline) -> WidthFunction:
 
 
 def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
-    """Returns the directions of the local minima, which are knots, and of the local maxima, within arcs."""
+    """Returns the directions of the local minima and of the local maxima of the width.
+
+    Minima lie at `knots` (m,), the normals of the edges, and maxima between two of these.
+    """
     slope_after = _slope(chords, knots)
     before = np.roll(chords, 1, axis=0)
     before[0] *= -1.0  # the last arc lies half a turn further on
@@ -91,13 +96,16 @@ def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
 
 
 def _reduced(direction: Array) -> Array:
-    """Reduces directions to [0, pi); those just below pi by rounding become 0."""
+    """Reduces directions to [0, pi); directions that rounding leaves just below pi become 0."""
     reduced = np.mod(direction, math.pi)
     return np.where(reduced > math.pi - FLUSH_RAD, 0.0, reduced)
 
 
 def _slope(chords: Array, directions: Array) -> Array:
-    """Derivative of the chords' extent along directions [mm per rad]; the chords point along them."""
+    """Derivative (m,) of the width by the direction [mm per rad].
+
+    The width is the projection of a chord (m, 2) [mm] on a direction (m,) [rad]; it has to be positive.
+    """
     return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
 
 
@@ -125,13 +133,16 @@ class SqueezeFunction:
         return cls(maxima[: k // order], minima[: k // order], math.pi / order)
 
     def __call__(self, direction: Array) -> Array:
-        """Directions after a squeeze [rad], for closing directions `direction` [rad]; not wrapped."""
+        """Directions after a squeeze [rad], for closing directions `direction` [rad].
+
+        The results are not reduced to one period.
+        """
         turns = np.floor((direction - self.maxima[0]) / self.period)
         step = np.searchsorted(self.maxima, direction - turns * self.period, side="right") - 1
         return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
 
     def intervals(self) -> list[Interval]:
-        """All runs of consecutive steps that begin in the first period and are at most one period long."""
+        """All intervals of consecutive steps that begin in the first period and span at most one period."""
         k = len(self.maxima)
         starts = np.concatenate([self.maxima, self.maxima + self.period])
         ends = np.concatenate([self.minima, self.minima + self.period])
@@ -173,8 +184,9 @@ class SqueezePlan(NamedTuple):
 def chain(function: SqueezeFunction) -> list[Interval]:
     """The plan's intervals, the widest first: from a whole period to a single step.
 
-    The list is built backwards (Goldberg 1993) from the widest single step. Until the first interval of the
-    list is a whole period, the widest interval whose image is shorter than that first one is prepended.
+    The list is built backwards (Goldberg 1993). It begins as the widest single step. Then the widest interval
+    whose image is shorter than the first of the list is put in front of it, again and again, until the first
+    is a whole period.
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD

@@ -1,8 +1,8 @@
 """Subspaces of final poses by width (paper V.A, Fig. 4), from all roll-outs of a part.
 
-k-means on the widths, as in the paper. k is the smallest number of clusters that explains nearly all of the
-variance of the held widths; for the paper's rectangle k is 4, as in the paper. Clusters that the
-encoder cannot tell apart are merged. Free space, where the jaws close on nothing, is always the first.
+k-means clusters the widths, as in the paper. k is the smallest number of clusters that explains nearly all of
+the variance of the held widths; for the paper's rectangle k is 4, as in the paper. Clusters that the encoder
+cannot distinguish are merged. Free space, where the jaws close on nothing, is always the first cluster.
 """
 
 from dataclasses import dataclass

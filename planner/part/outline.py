@@ -52,7 +52,7 @@ def canonical(points: ArrayLike) -> Canonical:
 
 
 def checked(points: ArrayLike) -> Outline:
-    """Checks that an outline (N, 2) [mm] is canonical, and returns it read-only, with the same numbers.
+    """Checks that an outline (N, 2) [mm] is canonical, and returns a read-only copy with the same numbers.
 
     Raises:
         InputError: see `canonical`; or the outline is clockwise or off centre.
@@ -109,7 +109,7 @@ def width(outline: Outline, angle: float) -> float:
 
 
 def min_width(outline: Outline) -> float:
-    """The least extent over all directions, mm: the narrowest opening of jaws that the outline fits between.
+    """The least extent over all directions, mm: the narrowest opening of jaws between which the outline fits.
 
     The minima lie where one jaw is flush on an edge of the convex hull (Goldberg's diameter function, the
     paper's reference [12]).
@@ -182,7 +182,7 @@ def _check_simple(vertices: Outline) -> None:
 
 
 def offsets(outline: Outline) -> Array:
-    """Displacement of each vertex (N, 2), along its mitre, per mm by which all edges move outwards."""
+    """Displacement (N, 2) of each vertex if all edges move outwards by 1 mm."""
     after = _normals(outline)
     before = np.roll(after, 1, axis=0)
     return np.asarray((before + after) / (1.0 + (before * after).sum(axis=1))[:, None])
@@ -195,10 +195,10 @@ def grown(outline: Outline, mm: float) -> Outline:
 
 
 def simplified(outline: Outline, tolerance_mm: float) -> Outline:
-    """The outline without vertices that lie within a tolerance of the rest (Douglas and Peucker 1973).
+    """Removes vertices that lie within a tolerance of the remaining outline (Douglas and Peucker 1973).
 
-    The result is simple, and each outline lies within the tolerance of the other; 0 removes collinear
-    vertices only.
+    The result does not cross itself. Each of the two outlines lies within the tolerance of the other. A
+    tolerance of 0 removes collinear vertices only.
     """
     ring = shapely.Polygon(outline).simplify(tolerance_mm, preserve_topology=True)
     result: Outline = shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]

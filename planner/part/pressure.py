@@ -49,7 +49,9 @@ Support: TypeAlias = tuple[Array, Array]
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:
-    """Returns the pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
+    """Returns the pressure under an outline (N, 2) as weighted points.
+
+    The centre and the second moments of these points are exactly those of the pressure.
 
     Raises:
         ValueError: a limit surface replaces the pressure, so there is no distribution.
@@ -87,9 +89,10 @@ def stances(outline: Outline) -> Array:
 
 
 def _boundary_support(outline: Outline) -> Support:
-    """Returns an even pressure along the outline: two Gauss points for each of equal pieces of an edge.
+    """Returns an even pressure along the outline.
 
-    Its moments along an edge are exact up to the third.
+    Each edge is cut into equal pieces, and each piece has two Gauss points. So the moments of the pressure
+    along an edge are exact up to the third.
     """
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.hypot(edges[:, 0], edges[:, 1])
@@ -108,9 +111,10 @@ def _boundary_support(outline: Outline) -> Support:
 
 
 def _area_support(outline: Outline) -> Support:
-    """Returns an even pressure over the area: three points for each of equal pieces of its triangles.
+    """Returns an even pressure over the area.
 
-    Its second moments are exact.
+    The area is cut into triangles, each triangle into equal pieces, and each piece has three points. The
+    second moments of the pressure are exact.
     """
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
     triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)

@@ -3,7 +3,7 @@
     H(F) = sum_k a_k F^e_k                        the 15 monomials of degree 4, `EXPONENTS`
     z^T hess H(F) z = y^T Q y, y = kron(z, F)     Q certifies H if positive definite
 
-The symmetric matrices Q (9, 9) have 45 dimensions. Those that belong to a quartic form a subspace of 24
+The symmetric matrices Q (9, 9) have 45 dimensions. The matrices of all quartics fill a subspace of 24
 dimensions, and 9 of these do not affect y^T Q y.
 """
 
@@ -26,10 +26,10 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """Returns masks (15, 9, 9): the entries of the 4-tensor T of H that each of its coefficients fills.
+    """Returns a mask (9, 9) for each of the 15 coefficients of H: the entries of T with this coefficient.
 
-    The entry T_aibj has row 3 a + i and column 3 b + j; it is 1 in the mask of the monomial
-    F_a F_i F_b F_j, else 0.
+    T is the symmetric 4-tensor of H. The entry T_aibj has row 3 a + i and column 3 b + j; it is 1 in the mask
+    of the monomial F_a F_i F_b F_j, else 0.
     """
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
@@ -69,7 +69,7 @@ def gram(coefficients: Array) -> Array:
 def coefficients_of(certificate: Array) -> Array:
     """Returns the coefficients (..., 15) of the quartics H that matrices Q (..., 9, 9) certify.
 
-    H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F is linear in Q.
+    At z = F, H = F^T hess H(F) F / 12 = y^T Q y / 12, so the coefficients are linear in Q.
     """
     return np.asarray(np.tensordot(certificate, _ENTRIES / 12.0, axes=([-2, -1], [1, 2])))
 

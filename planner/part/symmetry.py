@@ -37,9 +37,9 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
 def has_order(outline: Outline, n: int) -> bool:
     """Whether each turn by a multiple of 2 pi / n takes a centred outline (N, 2) onto itself.
 
-    All n - 1 turns are tested, since a nearly round part passes any small one. `TOLERANCE_MM` bounds the
-    distance of turned vertices from the boundary. As the inverse turns are tested too, it also bounds the
-    distance of vertices from the turned boundary.
+    All n - 1 turns are tested, since a nearly round part passes any small turn. Every turned vertex must lie
+    within `TOLERANCE_MM` of the boundary. The inverse turns are tested too, so every vertex also lies within
+    this tolerance of the turned boundary.
     """
     return _maps_onto_itself(_boundary(outline), outline, n, TOLERANCE_MM)
 
@@ -47,8 +47,7 @@ def has_order(outline: Outline, n: int) -> bool:
 def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
     """Whether some turn takes a centred outline (M, 2) onto another (N, 2), to within a tolerance.
 
-    Such a turn takes the vertex farthest from the centre to a vertex that is as far, so only such turns are
-    tried.
+    Only turns are tried that take the vertex farthest from the centre to a vertex at the same distance.
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
@@ -58,7 +57,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """Finds the turn, among those that are no symmetry of an outline, that changes the outline least.
+    """Finds the turn that changes an outline least, among turns that are no symmetry of the outline.
 
     Tries turns by k / n of a circle, n up to `TURNS`; `symmetry` is the outline's rotational order.
     """
@@ -75,7 +74,7 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
 
 
 def _with_few_vertices(outline: Outline) -> Outline:
-    """Simplifies an outline to at most `FEW` vertices, with a tolerance that doubles until they suffice."""
+    """Simplifies an outline, with a tolerance that doubles until at most `FEW` vertices are left."""
     tolerance_mm = 0.1 * TOLERANCE_MM
     while len(outline) > FEW:
         outline, tolerance_mm = simplified(outline, tolerance_mm), 2.0 * tolerance_mm
@@ -85,8 +84,8 @@ def _with_few_vertices(outline: Outline) -> Outline:
 def _maps_onto_itself(boundary: LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
-    To refuse soon, it tries a few vertices before all of them, and the angles that fail most often first. An
-    outline between two circles that differ by no more than the tolerance passes every turn.
+    To refuse early, a few vertices are tried before all of them, and the angles that fail most often come
+    first. An outline between two circles that differ by no more than the tolerance passes every turn.
     """
     radii = np.hypot(*outline.T)
     if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:

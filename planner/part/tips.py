@@ -8,10 +8,11 @@ HIGHEST_MM = 8.0  # Height of the tips above the table for a part of unknown hei
 
 
 def tips_height_mm(height_mm: float | None) -> float:
-    """Height of the tips above the table: half the part's height, within two limits; None: unknown height.
+    """Height of the tips above the table: half the part's height `height_mm`, within two limits.
 
-    It is at most `HIGHEST_MM`, and at least `MARGIN_MM` below the part's top; so it is negative for a part
-    thinner than `MARGIN_MM`.
+    The tips are at most `HIGHEST_MM` high, and at least `MARGIN_MM` below the part's top. So the result is
+    negative for a part thinner than `MARGIN_MM`. For a part of unknown height (None) the result is
+    `HIGHEST_MM`.
     """
     top_mm = math.inf if height_mm is None else height_mm
     return min(HIGHEST_MM, 0.5 * top_mm, top_mm - MARGIN_MM)

@@ -86,7 +86,7 @@ class Space(NamedTuple):
         """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
         Each quantity is uniform in its interval; the two bounds of the friction are then sorted. If there are
-        several surfaces, half of the points have surface 0, the surface of the job.
+        several surfaces, about half of the points have surface 0, the surface of the job.
         """
         low, high = self.bounds
         points = rng.uniform(low, high, (n, len(low)))
@@ -96,7 +96,7 @@ class Space(NamedTuple):
         return np.column_stack([points, surface if self.surfaces > 1 else np.zeros(n)])
 
     def density(self, points: Array) -> Array:
-        """The density (n,) of the prior at points (n, d + 1), up to a factor."""
+        """The density (n,) of the prior at points (n, d + 1), up to a constant factor."""
         low, high = self.bounds
         inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1)
         least, most = (self.column(f"finger_part_{end}") for end in ("min", "max"))
@@ -143,8 +143,8 @@ class Cells:
     def of(cls, job: Job, table: Table) -> Self:
         """Returns the cells of a job that run a decision table.
 
-        Parts press on the table as the job says, as `doubt.pressure = "any"` allows or, if that adds limit
-        surfaces, on three random feet.
+        Parts of a cell press on the table as the job says, or in another way that `doubt.pressure = "any"`
+        allows. If there is such a way, some cells have parts on three feet at random places.
         """
         one_form = {"limit_surface": "ellipsoid"} if job.pressure.limit_surface == "any" else {}
         any_pressure = job.replaced(doubt={"pressure": "any"}, pressure=one_form)
@@ -154,7 +154,7 @@ class Cells:
         return cls(job, Program.of(table), simulator, Space.of(job, 1 + len(simulator.others)))
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
-        """Runs parts through the table in the cell at a point (d + 1,)."""
+        """Runs `parts` parts through the table in the cell that a point (d + 1,) states."""
         values = {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
         friction = values["finger_part_min"], values["finger_part_max"]
         simulator = replace(self.simulator, friction=friction)
@@ -164,7 +164,7 @@ class Cells:
         return Cell(self.program, self.job, world, off, rng).run(parts)
 
     def surface_entries(self) -> Array:
-        """The matrices of the nominal limit surfaces (surfaces, k), each flattened, the job's first."""
+        """The flattened matrices (surfaces, k) of the nominal limit surfaces, the job's first."""
         surfaces = (self.simulator.surface, *self.simulator.others)
         return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
 

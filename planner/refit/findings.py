@@ -117,7 +117,7 @@ def surface_shares(posterior: Posterior) -> Array:
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """The job's new values, by section and key; values that the journals do not determine are left out."""
+    """The new values of the job by section and key; without values that the journals do not determine."""
     every = findings(posterior, cells)
     record = {finding.quantity: finding for finding in every if finding.learned}
     doubt: dict[str, Any] = {
@@ -137,7 +137,8 @@ def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     """The new values of [friction] by key; none if the journals determine neither bound.
 
     The new bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction. A bound
-    that the journals do not determine stays. If they determine both, `doubt` is at most `KEPT_DOUBT`.
+    that the journals do not determine stays the same. If they determine both, the key `doubt` of [friction]
+    becomes at most `KEPT_DOUBT`.
     """
     keys = ("finger_part_min", "finger_part_max")
     if not any(key in learned for key in keys):
@@ -152,7 +153,7 @@ def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
 
 
 def _pressure(posterior: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
-    """The keys of [pressure] that change, and the new value of `pressure` in [doubt]."""
+    """Returns the new values of [pressure] by key, and the new value of the key `pressure` in [doubt]."""
     shares = surface_shares(posterior)
     best = int(np.argmax(shares))
     if best == 0:

@@ -3,9 +3,10 @@
 Each outcome of a part has scores: the rates at which the log probability of the outcome grows with each
 feature of the cell. The sums of the scores over all parts, one statistic for each feature, are nearly normal
 and sufficient to distinguish neighbouring cells. The mean of the statistics is regressed on the features of
-the cell, over simulated sets of as many parts as were observed; the residuals of the regression, misfit
-included, give the scatter. Scores and regression use different sets, or chance would be taken for a slope.
-Bad scores make a likelihood less sharp, never too sure.
+the cell, over simulated sets of as many parts as were observed. The residuals of the regression give the
+scatter of the statistics, errors of the regression included. Scores and regression use different sets of
+parts; otherwise chance would be taken for an effect of the features. Bad scores make a likelihood less sharp,
+never too sure.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ class Likelihood:
     curved: bool  # whether the terms include squares and products
     statistics: Array  # (k,) statistics of the observed parts
     slopes: Array  # (p, k) coefficients of the regression
-    whiten: Array  # (k, k) whitens the scatter
+    whiten: Array  # (k, k) scales the scatter of the statistics to unit variance
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 
     @classmethod
@@ -46,7 +47,8 @@ class Likelihood:
             features: (m, k) features of the simulated cells.
             shown: (m, 2, n, d) numbers of the d outcomes of n parts, in two sets of parts for each cell.
             seen: (size,) number of observations of each outcome in n parts.
-            counts: number of outcomes without an order; the others are steps along lines, `LINE` on each.
+            counts: number of outcomes that have no order, such as readings. The other outcomes are steps of
+                ordered quantities, `LINE` steps each.
         """
         centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
         m, k = features.shape
@@ -74,11 +76,10 @@ class Likelihood:
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
     """Estimates the scores (size + 1, k) of all outcomes from simulated cells.
 
-    The m cells have the features (m, k) and the numbers `shown` (m, c) of outcomes; the first `counts` of the
-    `size` outcomes have no order, the others are steps along lines.
-
-    The last row is 0, for parts without an outcome. Scores rise linearly along a line, also at steps that no
-    simulated part has.
+    The m cells have the features (m, k) and the numbers `shown` (m, c) of outcomes. The first `counts` of the
+    `size` outcomes have no order. The others are steps of ordered quantities: their scores rise linearly from
+    step to step, also at steps that no simulated part has. The last row of the result is 0, for parts without
+    an outcome.
     """
     ends = np.arange(0, shown.size + 1, shown.shape[1])
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))

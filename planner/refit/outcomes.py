@@ -35,7 +35,7 @@ class Outcomes:
 
     An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at an audited leaf.
     The bins of a node have consecutive numbers, and so have the `LINE` steps of each coordinate of a
-    residual; the nodes come first.
+    residual. The numbers of bins come before those of steps.
     """
 
     table: Table
@@ -82,8 +82,8 @@ class Outcomes:
     def _empty(self) -> int:
         """The bin that stands for all readings that an empty hand may have.
 
-        Their differences carry no information: closed jaws read 0 in some grippers whatever the encoder's
-        offset is, in others they do not.
+        The differences between these readings carry no information: some grippers read 0 with closed jaws
+        whatever the encoder's offset is, others do not.
         """
         return self.table.gripper.bin_of(EMPTY_UM)
 

@@ -44,7 +44,10 @@ class Effort(NamedTuple):
     parts_for_each: float = 4.0  # least parts in each cell for each observed part, about
 
     def pairs_for(self, seen: Seen) -> int:
-        """Number of pairs of sets of parts in each cell; a set has as many parts as were observed."""
+        """How many pairs of sets of parts are simulated in each cell.
+
+        A set has as many parts as were observed in the journals.
+        """
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
 
@@ -106,10 +109,10 @@ def _log(
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
-    """Simulates pairs of sets of parts in one cell; returns their outcome numbers (pairs, 2, n, d).
+    """Simulates pairs of sets of parts in one cell; returns the parts' outcome numbers (pairs, 2, n, d).
 
-    Each set has n parts, the number of parts in `seen`. In the second set of each pair, at most as many parts
-    are audited as in `seen`.
+    Each set has n parts, as many as `seen` has. In the second set of each pair, at most as many parts are
+    audited as in `seen`.
     """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
@@ -161,9 +164,10 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest power of a likelihood, up to 1, that leaves an effective sample size of `effective`.
+    """The highest exponent, up to 1, at which n likelihoods have an effective sample size of `effective`.
 
-    `likelihoods` (n,) are the logarithms at n cells. An `effective` above 0.9 n counts as 0.9 n.
+    `likelihoods` (n,) are the logarithms of the likelihoods of n cells. An `effective` above 0.9 n counts as
+    0.9 n.
     """
     effective = min(effective, 0.9 * len(likelihoods))
 

@@ -1,1 +1,1 @@
-"""Pictures of squeezes and of plans. Importing most of its modules loads matplotlib."""
+"""Pictures of squeezes and of plans, and pages about them. Most modules of this package load matplotlib."""

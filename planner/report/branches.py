@@ -59,7 +59,7 @@ class Tree(NamedTuple):
 
 
 def tree_of(table: Table, job: Job, beliefs: Replay, log: RunLog | None) -> Tree:
-    """Nests the nodes and leaves of a table; with `log`, also counts the parts of its journal there."""
+    """Nests the nodes and leaves of a table; with `log`, also counts the journal's parts at each of them."""
     return _Places(table, job, beliefs, log).tree()
 
 

@@ -46,7 +46,10 @@ def style() -> AbstractContextManager[None]:
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:
-    """Writes a picture in the format of the suffix: the same bytes for the same figure."""
+    """Writes the figure that `draw` returns; the suffix of the path states the format.
+
+    The same figure gives the same bytes.
+    """
     with style(), writing(path) as file:
         draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
 
@@ -87,7 +90,8 @@ def polygons(
 ) -> None:
     """Draws closed polygons (n, N, 2) [mm]; the limits of the axes do not change.
 
-    `width` of the edges is in points, `fill` and `edge` are opacities, a higher `order` covers a lower one.
+    `width` is that of the edges in points; `fill` and `edge` are opacities, from 0 to 1. Polygons of a higher
+    `order` cover those of a lower one.
     """
     faces = to_rgba(colour, fill) if fill else "none"
     edges = to_rgba(colour, edge)
@@ -98,12 +102,12 @@ def polygons(
 
 
 def overlay_opacity(count: int, darkness: float) -> float:
-    """Opacity of each of `count` outlines such that a place covered by all of them has this darkness."""
+    """The opacity at which `count` outlines, drawn over each other, give a `darkness` from 0 to 1."""
     return float(1.0 - (1.0 - darkness) ** (1.0 / max(count, 1)))
 
 
 def outlines(outline: Array, poses: Array) -> Array:
-    """The outline (N, 2) at each of the poses (n, 3) [mm, mm, rad]: (n, N, 2) [mm]."""
+    """Places an outline (N, 2) at each of n poses (n, 3) [mm, mm, rad]; returns (n, N, 2) [mm]."""
     return placed(outline, poses.T[:, :, None])
 
 
@@ -151,7 +155,7 @@ def transform(pose: Array) -> str:
 
 
 def part(state: Array) -> int:
-    """Index of the hypothesis of a state (4,), which is its last entry; 0 for a pose (3,)."""
+    """Index of a part's hypothesis: the last entry of a state (4,), or 0 for a pose (3,)."""
     return int(state[3]) if len(state) > 3 else 0
 
 

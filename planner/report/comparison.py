@@ -40,8 +40,8 @@ class Plan(NamedTuple):
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
     """Compares two plans by the figures of their tables, and by the keys in which their jobs differ.
 
-    Each table is evaluated in the cell of its job: with the number of trials behind its stored figures, or
-    with `trials` if it stores none.
+    Each table is evaluated again, with as many trials as gave its stored figures; a table without figures is
+    evaluated with `trials` trials.
     """
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]
@@ -54,7 +54,7 @@ def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
 
 
 def of_runs(this: tuple[str, RunLog], other: tuple[str, RunLog]) -> Comparison:
-    """Compares the runs in two journals of one table, each with its name."""
+    """Compares the runs in two journals of one table; each argument is a journal's name and its content."""
     columns = [dict(_run_figures(log)) for _, log in (this, other)]
     names = list(dict.fromkeys([*columns[0], *columns[1]]))
     rows = [Row(name, *(column.get(name, "0") for column in columns)) for name in names]

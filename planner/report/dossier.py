@@ -1,7 +1,7 @@
 """A table as one page of HTML: its quality, the tree to walk through, and its job.
 
-The page loads nothing from elsewhere, which its Content-Security-Policy enforces. The same table and seed
-give the same bytes.
+The page loads nothing from elsewhere; its Content-Security-Policy enforces this. The same table and seed give
+the same bytes.
 """
 
 import hashlib
@@ -156,7 +156,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """A row of the page's table: the name of a world and its figures; `shares` has the shares as texts."""
+    """Returns the name of a world and its figures for the page; the key `shares` has the shares as texts."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -179,7 +179,7 @@ def _width_chart(job: Job) -> str:
 
 
 def _job_text(job: Job) -> str:
-    """The job as text, one value a line, with the rows of the outline."""
+    """The job as text for people, one key with its value a line."""
     lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
         if section in (hypotheses.KEY, hypotheses.FOREIGN):
@@ -200,7 +200,10 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
 
 
 def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
-    """At most `LISTED` parts of a journal, in its order: the latest failed ones, then the latest others."""
+    """Returns at most `LISTED` parts of a journal for the page, in the order of the journal.
+
+    The latest failed parts are taken and, while there is room, the latest of the other parts.
+    """
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])

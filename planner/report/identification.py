@@ -23,7 +23,7 @@ SIZE_IN = (7.4, 5.0)
 
 
 def figure(data: Normalised, fits: Sequence[Identified], title: str) -> Figure:
-    """Draws measured pairs of wrench and twist, with the limit surface of each fit and its errors."""
+    """Draws measured pairs of wrench and twist, and for each fit its limit surface and its errors."""
     result = canvas.blank(*SIZE_IN)
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):

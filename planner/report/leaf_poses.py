@@ -14,7 +14,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
-WORTH_TELLING_MM = 0.1  # distance of a mean pose from the answer above which it is deliberate
+WORTH_TELLING_MM = 0.1  # an answer farther than this from the mean pose differs on purpose
 LEAST_PARTS = 20  # fewer parts have no useful mean
 
 
@@ -28,14 +28,14 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the leaf's pose differs from the mean on purpose: by more than `WORTH_TELLING_MM`."""
+        """Whether the leaf's pose differs from the mean by more than `WORTH_TELLING_MM`, so on purpose."""
         return self.apart_mm > WORTH_TELLING_MM
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """Returns for each leaf the mean pose of its parts that lie within the goal of its first pose.
+    """Returns the mean pose of each leaf's parts; only parts within the goal of the leaf's first pose count.
 
-    It is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
+    The mean is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
     """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)

@@ -33,10 +33,10 @@ def sequence(
     squeezes: Collection[int] = (3,),
     holes: Sequence[Array] = (),
 ) -> Figure:
-    """Draws Fig. 1: the beliefs along a path of squeezes, which widths narrow, and one part on this path.
+    """Draws Fig. 1: the belief before and after each squeeze of a path, and one part on this path.
 
-    `squeezes` are the lengths of the path that are allowed. The part is drawn with its holes (n, 2) [mm] in
-    the outline's frame.
+    `squeezes` are the allowed numbers of squeezes on the path. The part is drawn with its holes (n, 2) [mm]
+    in the outline's frame.
     """
     outline, moments = job.part.outline_mm, scenes(table, job, beliefs, squeezes)
     spread = max(float(np.quantile(np.hypot(*each.belief[:, :2].T), 0.98)) for each in moments)
@@ -80,8 +80,8 @@ def subspaces(
 ) -> Figure:
     """Draws Fig. 4: a panel with a title for each subspace of widths; in an SVG, a panel is a group.
 
-    A panel shows the outline (N, 2) between the jaws at those final poses (n, 3) in the hand frame
-    [mm, mm, rad] whose label (n,) is the number of the subspace.
+    A panel shows the outline (N, 2) between the jaws at the final poses of one subspace. `final` (n, 3) are
+    the poses of all subspaces in the hand frame [mm, mm, rad]; `label` (n,) are their subspaces' numbers.
     """
     columns = min(COLUMNS, len(solved))
     rows = ceil(len(solved) / columns)
@@ -112,7 +112,7 @@ def _frame(axes: Axes, half: float) -> None:
 
 
 def _density(axes: Axes, outline: Array, poses: Array) -> None:
-    """Draws a sample of the poses, so transparent that full overlap looks alike in all panels."""
+    """Draws the outline at a sample of the poses; where all outlines overlap, panels are equally dark."""
     poses = subsample(poses, OUTLINES)
     fill = canvas.overlay_opacity(len(poses), DARKNESS)
     shapes = canvas.outlines(outline, poses[:, :3])

@@ -1,7 +1,6 @@
-"""Replay: runs parts through a table and keeps their poses, which are the beliefs of its nodes.
+"""Replay: runs parts through a table and keeps their poses, as the beliefs of the table's nodes.
 
-The parts are squeezed in the stochastic world, as in an evaluation, and take the branches of their encoder
-counts.
+As in an evaluation, the parts are squeezed in the stochastic world, and each takes the branch of its reading.
 """
 
 from typing import NamedTuple
@@ -20,7 +19,7 @@ from runtime.table import Table
 
 
 class Replay(NamedTuple):
-    """The squeezes of all parts at each node, and their states at each node and leaf."""
+    """The squeezes of all parts at each node, and the states of the parts at each node and leaf."""
 
     visits: tuple[Step, ...]  # one for each node of the table
     # For each node, the states of its parts before its squeeze and after its pushes, see `with_hypothesis`.
@@ -29,7 +28,10 @@ class Replay(NamedTuple):
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
-    """Runs `trials` parts through a table and records them at each node and leaf; `seed` fixes all draws."""
+    """Runs `trials` parts through a table and records their states at each node and leaf.
+
+    The same seed gives the same parts and squeezes.
+    """
     rng = np.random.default_rng([seed, 0x5245504C])
     program = Program.of(table)
     cell = Cell(program, job, world_of(job, seed, ContactWorld), NONE, rng)

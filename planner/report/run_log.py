@@ -1,8 +1,8 @@
 """The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
-A journal consists of JSON lines. Each line has a SHA-256 of its other fields, among which is the SHA-256 of
-the line before. This chain is checked through all files of a journal that consists of several closed
-segments. `grasp-journal replay` checks that every decision follows from its widths.
+A journal consists of JSON lines. Each line repeats the SHA-256 of the line before, and has a SHA-256 of its
+own content. A long journal consists of several files, called segments; this chain of digests is checked
+through all of them. `grasp-journal replay` checks that every decision follows from its widths.
 """
 
 import base64
@@ -30,7 +30,7 @@ class Squeezed(NamedTuple):
 
 @dataclass(slots=True)
 class PartLog:
-    """What a journal says of one part; `outcome` is "cut short" if the journal ends before it."""
+    """What a journal says of one part; `outcome` is "cut short" if the journal ends before the part does."""
 
     part: int
     squeezes: list[Squeezed] = field(default_factory=list)
@@ -72,13 +72,19 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """Number of timed parts, and figures of their times by `takt_figures`; empty if none was timed."""
+        """Figures of the seconds that parts took, and the number of timed parts as `parts`.
+
+        With `takt_s`, a takt in seconds, the figures also say how many parts were done in time. The result is
+        empty if no part was timed.
+        """
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
 
 def read(path: Path, table_sha256: str) -> RunLog:
-    """Reads a journal; runs of other tables than the one of this digest (hexadecimal) are ignored.
+    """Reads the runs of one table from a journal; `table_sha256` is the digest of the table's file in hex.
+
+    Runs of other tables are only counted.
 
     Raises:
         InputError: the journal cannot be read, does not verify, or has no run of this table.
@@ -91,7 +97,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
         first = first or last
         if entry["kind"] == "header":
             ours = entry.get("table_sha256") == table_sha256
-            begins = "after_part" not in entry  # it does not where a segment continues a run
+            begins = "after_part" not in entry  # false for a segment that continues a run
             runs, others = runs + (ours and begins), others + (begins and not ours)
         elif ours:
             try:

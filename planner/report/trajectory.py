@@ -80,7 +80,7 @@ def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
 
 
 def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[float, float]:
-    """Half width and half height that contain all squeezes, with a margin [mm]."""
+    """Half the width and half the height of a box that contains all squeezes, with a margin [mm]."""
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
     x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach(outline))
     y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach(outline))
@@ -111,7 +111,10 @@ def _draw(axes: Axes, outline: Array, jaws: Jaws, states: Array) -> None:
 
 
 def timeline(states: Array) -> Array:
-    """States (n, 4) of a squeeze (k, 4), one a frame: a fast approach, then contact at a constant rate."""
+    """Interpolates the states (k, 4) of a squeeze to the frames of an animation; returns states (n, 4).
+
+    The jaws approach the part fast, and then close at a constant rate.
+    """
     begun, end = touch(states), states[-1, 3]
     approach = np.linspace(states[0, 3], begun, APPROACH_FRAMES, endpoint=False)
     return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))

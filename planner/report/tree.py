@@ -49,7 +49,7 @@ class Layout(NamedTuple):
 
 @dataclass(slots=True)
 class _Subtree:
-    """A node or leaf with the subtrees below it; all positions are relative to its middle."""
+    """A node or leaf with the subtrees below it; all positions are relative to the middle of its panel."""
 
     target: int
     contour: dict[int, tuple[float, float]]  # least and greatest place used in each slot
@@ -265,7 +265,7 @@ class _Tree:
         return Panel(key_of(target), kind, label, x, y, shown, opacity, fingers, lines, text)
 
     def _fingers(self, target: int) -> Array:
-        """The fingers (2, 4, 2) in the world after the squeeze that leads to a target."""
+        """The fingers (2, 4, 2) in the world after the squeeze that leads to the node or leaf `target`."""
         index, number = self.parent[target]
         node = self.table.nodes[index]
         boxes = canvas.finger_boxes(self.jaws, node.branches[number].expected_um / 1e3)
@@ -278,7 +278,7 @@ class _Tree:
 
 
 def names_parts(table: Table) -> bool:
-    """Whether the job has several parts and its goal requires that leaves name the part."""
+    """Whether a table has several hypotheses, and its goal requires that leaves name the part."""
     return bool(table.hypotheses) and table.goal.identify
 
 
@@ -315,7 +315,7 @@ def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[
 
 
 def percent(share: float) -> str:
-    """Formats a share in percent: 0 % only for none, 100 % only for all."""
+    """Formats a share in percent; only a share of exactly 0 or 1 is shown as 0 % or 100 %."""
     if share in (0.0, 1.0):
         return f"{100 * share:.0f} %"
     digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)

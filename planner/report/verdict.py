@@ -23,7 +23,7 @@ Grade = Literal["good", "fair", "poor"]
 
 
 class Weakest(NamedTuple):
-    """The broken assumption that does the most harm."""
+    """The world in which a plan does worst, among worlds that break one assumption each."""
 
     name: str  # name of the world
     wrong: float  # share of confident wrong answers there
@@ -47,9 +47,9 @@ class Verdict(NamedTuple):
 
 
 def weakest(lines: Sequence[Line]) -> Weakest | None:
-    """The world with the most wrong answers or, if equal, the least success.
+    """Returns the world with the most wrong answers; of worlds with equally many, that of least success.
 
-    The first world, which is the planned one, is left out; None if there is no other.
+    The first of `lines`, the planned world, does not count; None if there is no other.
     """
     if len(lines) < 2:
         return None
@@ -85,7 +85,7 @@ def _harm(line: Line) -> tuple[float, float]:
 
 
 def _conditions(lines: Sequence[Line]) -> list[str]:
-    """Texts of the assumptions that must hold, since too many answers are wrong otherwise.
+    """Texts of the assumptions without which too many answers are wrong.
 
     The most harmful assumption comes first. Of several bounds on the same side of a quantity, only the
     strictest is stated.
@@ -108,7 +108,7 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
 
 
 def listed(conditions: Sequence[str]) -> str:
-    """Conditions as a clause: "if friction stays below 1.35 and ..."; empty without any."""
+    """Joins conditions to a clause, "if friction stays below 1.35 and ..."; "" if there are none."""
     if not conditions:
         return ""
     shown = [*conditions[:MOST_CONDITIONS]]
@@ -161,7 +161,7 @@ def belief(job: Job) -> str:
 
 
 def aim(job: Job) -> str:
-    """The goal as a clause."""
+    """The tolerance of a job's goal as a clause, such as "to 3 mm"."""
     goal = job.goal
     if goal.kind == "tolerances":
         return f"to {goal.tolerance_mm[0]:g} x {goal.tolerance_mm[1]:g} mm and {goal.tolerance_deg:g} degrees"
@@ -183,7 +183,7 @@ class CellResult(NamedTuple):
 
 
 def cell_result(table: Table, log: RunLog) -> CellResult:
-    """Grades a cell by its journal; states the outcomes of parts and the node that rejected most of them."""
+    """Grades a cell by its journal; states how parts ended, and which node rejected most parts."""
     total = len(log.parts)
     if not total:
         return CellResult("fair", "no part was begun")
@@ -218,7 +218,7 @@ def reject_text(table: Table, node: int, width_um: int) -> str:
 
 
 def planned_spans(node: Node) -> list[tuple[float, float]]:
-    """Intervals of width that lead to a branch of a node, adjacent ones merged [mm]."""
+    """The intervals of width that lead to some branch of a node [mm]; adjacent intervals are merged."""
     spans: list[tuple[float, float]] = []
     for branch in sorted(node.branches, key=lambda branch: branch.low_um):
         low, high = branch.low_um / 1e3, branch.high_um / 1e3

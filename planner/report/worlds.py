@@ -1,6 +1,6 @@
 """Figures of a table in its planned world, and in worlds that break one assumption each.
 
-All commands that judge a table take their figures from here, so that these agree.
+All commands that judge a table take their figures from here, so that the figures agree.
 """
 
 import time
@@ -71,7 +71,7 @@ def seconds_a_part(table: Table, job: Job, scheduler: Scheduler) -> float:
 
 
 def affordable(job: Job, seconds: float, part_s: float) -> int:
-    """Number of trials in each world with which `tried` ends in time, from `LEAST_TRIALS` to `TRIALS`.
+    """Number of trials in each world for which the time suffices, from `LEAST_TRIALS` to `TRIALS`.
 
     Args:
         job: the job; the worlds follow from it.
@@ -87,6 +87,6 @@ def untried(job: Job, lines: list[Line]) -> list[str]:
 
 
 def _cases(job: Job) -> list[Case]:
-    """The cases that `tried` evaluates, the job's own world first."""
+    """The worlds that `tried` evaluates, the planned one first."""
     cases = (*assumption_cases(job), *believed_cases(job))
     return list({case.name: case for case in cases}.values())

@@ -33,7 +33,7 @@ Figures = dict[str, Any]
 
 
 class Item(NamedTuple):
-    """An outline to plan, with the rest of its job; pickles, so that another machine can plan it."""
+    """An outline to plan, with the rest of its job; it can be pickled and planned on another machine."""
 
     name: str  # key of the outline, unique
     outline_mm: list[list[float]]  # (N, 2)
@@ -42,10 +42,12 @@ class Item(NamedTuple):
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; returns the figures, or a record of an error.
+    """Plans an outline and evaluates the resulting table; returns the figures.
+
+    If there is no good plan, the figures say why: `kind` and `text` describe the reason or the error.
 
     Raises:
-        UnreachableError: the only error that is not reported in the figures.
+        UnreachableError: the cluster cannot be reached; all other errors are stated in the figures.
     """
     started = time.thread_time(), time.perf_counter()
     stated = item._asdict().items()
@@ -110,7 +112,7 @@ def page(rows: Sequence[Figures]) -> str:
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
-    """The median and the 90th percentile; nan without data."""
+    """The median and the 90th percentile of the figure `key` of all rows; nan without data."""
     values = [row[key] for row in rows if key in row] or [math.nan]
     return [float(value) for value in np.quantile(values, (0.5, 0.9))]
 

@@ -108,18 +108,24 @@ class Answers:
         return _object(film(table, plan.log.parts, query.get("part", "")))
 
     def add(self, query: dict[str, str], body: bytes) -> Answer:
-        """Stores a drawing under the name in `query`, or a numbered one."""
+        """Stores a drawing under the name in `query`; adds a number to the name if it is taken."""
         return _object({"drawing": self.folder.add(query.get("name", ""), body)})
 
     def preview(self, query: dict[str, str], body: bytes) -> Answer:
-        """The preview of the drawing in `query` with the settings in `body`, and the command line."""
+        """The preview of the drawing that `query` names with the settings in `body`.
+
+        Also states the command line that a user would type to plan with these settings.
+        """
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         command = typed(["try", beginning(drawing), *arguments])
         return _object({**self.reader.ask([beginning(drawing), *arguments]), "command": command})
 
     def plan(self, query: dict[str, str], body: bytes) -> Answer:
-        """Starts planning the drawing in `query` with the settings in `body`, unless its preview fails."""
+        """Starts planning the drawing that `query` names with the settings in `body`.
+
+        Refuses a drawing whose preview fails.
+        """
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         refused = self.reader.ask([beginning(drawing), *arguments])["error"]
@@ -128,7 +134,7 @@ class Answers:
         return _object({"plan": self.plans.begin(drawing, arguments)})
 
     def stop(self, query: dict[str, str], _body: bytes) -> Answer:
-        """Asks the plan in `query` to end with the result so far."""
+        """Asks the plan that `query` names to end with the result so far."""
         self.plans.stop(query.get("plan", ""))
         return _object({})
 

@@ -22,7 +22,11 @@ class Filmed(ContactWorld):
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """Squeezes as the contact world, and prints the squeeze."""
+        """Squeezes the part as the contact world does, and prints the squeeze.
+
+        Returns:
+            The final pose in the hand frame, the width [mm] and the status.
+        """
         final, width_mm, status = super().squeeze(pose_hand)
         before, after = _pose(*pose_hand), _pose(*final)
         say(json.dumps({"squeezed": {"before": before, "after": after, "width_mm": width_mm}}))

@@ -1,4 +1,4 @@
-"""A project folder and its files, given by names that cannot point outside it: the studio's only state."""
+"""A project folder and its files: the studio's only state. No name of a file can point outside the folder."""
 
 import contextlib
 import os
@@ -26,7 +26,7 @@ class Folder:
         self.path = path.resolve()
 
     def files(self) -> list[File]:
-        """The regular files of the folder by name, without links and names that `checked` refuses."""
+        """The regular files of the folder, sorted by name; no links, and no names that `checked` refuses."""
         result = []
         with os.scandir(self.path) as entries:
             for entry in entries:

@@ -25,9 +25,10 @@ class Log(NamedTuple):
 
 
 def log_of(data: bytes) -> Log:
-    """Reads the log of a plan from any bytes, since others may write in the folder.
+    """Reads the log of a plan.
 
-    A line that is no valid record becomes a message.
+    Any bytes are accepted, since other programs may write to the file: a line that is no valid record becomes
+    a message.
     """
     log, squeezes = Log("", [], "", {}, None, [], [], [], None), list[dict[str, Any]]()
     for line in data.decode("utf-8", "replace").splitlines():

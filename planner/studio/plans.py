@@ -98,7 +98,7 @@ class Plans:
         (self.folder.path / written_for(name)["stop"]).touch()
 
     def all(self) -> list[Plan]:
-        """All plans of the folder that have a log, the one whose log changed last first."""
+        """All plans of the folder that have a log; the plan with the latest change of its log comes first."""
         there = {file.name for file in self.folder.files()}
         logs = [self.folder.path / name for name in there if name.endswith(LOG)]
         plans = []
@@ -115,7 +115,10 @@ class Plans:
         return Plan(name, alive and log.exit is None, alive and log.exit is not None, log, kept)
 
     def _begun(self, stem: str) -> tuple[str, int]:
-        """Creates and locks the log of a new plan; returns the first free name, and the log's descriptor."""
+        """Creates and locks the log of a new plan; returns the plan's name, and the log's file descriptor.
+
+        The name is `stem`, with a number if another plan has this name.
+        """
         number = 1
         while True:
             name = stem if number == 1 else f"{stem}-{number}"
@@ -130,7 +133,7 @@ class Plans:
 
 
 def _is_locked(path: Path) -> bool:
-    """Whether the process that writes a log, and holds a lock on it, is alive."""
+    """Whether a living process holds the lock on a log, as the process that writes the log does."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)

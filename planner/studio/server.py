@@ -125,5 +125,5 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def _first(query: str) -> dict[str, str]:
-    """The fields of a query; of fields with one name, the first."""
+    """The fields of a query by name; of several fields with the same name, the first counts."""
     return {key: values[0] for key, values in parse_qs(query).items()}

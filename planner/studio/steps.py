@@ -105,7 +105,7 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """Runs a command and returns its exit code; interrupts it as Ctrl-C once the file `stop` exists.
+    """Runs a command and returns its exit code; interrupts it, as Ctrl-C does, once the file `stop` exists.
 
     With `aside`, the command runs at low priority and its output is discarded.
     """

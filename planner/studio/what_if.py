@@ -11,14 +11,14 @@ EFFORT = ("--budget", "20s", "--trials", "3000")
 
 
 class Trial(NamedTuple):
-    """A key of the job, and its values to try in turn, until the plan for one locates too few parts."""
+    """A key of the job with values to try in turn, until a plan locates too few parts."""
 
     key: str
     values: list[float]  # values, each harder to plan for than the one before
     confidence: float  # share of the parts that the job requires to be located
 
     def command(self, value: float, job: str, folder: str) -> list[str]:
-        """The words after `squeezetree` of the command that plans with a value, and writes into a folder."""
+        """The command that plans with a value and writes to a folder, as its words after `squeezetree`."""
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:
@@ -33,7 +33,10 @@ class Trial(NamedTuple):
 
 
 def trials_of(job: Path) -> Iterator[Trial]:
-    """Larger discs of uncertainty, then tighter goals; none unless the job file states both."""
+    """Yields a trial of larger discs of uncertainty, then one of tighter goals.
+
+    Yields nothing if the job file lacks the radius of the disc or the distance of the goal.
+    """
     stated = tomllib.loads(job.read_text("utf-8")) if job.exists() else {}
     uncertainty, goal = stated.get("uncertainty", {}), stated.get("goal", {})
     if "radius_mm" not in uncertainty or "distance_mm" not in goal:

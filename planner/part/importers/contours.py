@@ -39,15 +39,15 @@ class Contour(NamedTuple):
 def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
     """Finds all contours of a drawing.
 
-    Closes gaps of up to `join_mm` at ends of strokes, and nodes lines that cross or overlap. Faces that share
-    an edge form one contour.
+    Closes gaps of up to `join_mm` at ends of strokes, and cuts lines where they cross or overlap. Closed
+    regions that share an edge form one contour.
 
     Returns:
         The contours, outer before inner ones and larger before smaller ones, and notes on the drawing.
 
     Raises:
         InputError: there is no contour, and the message says where the drawing is open; or there are too
-            many.
+            many contours.
     """
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
@@ -82,11 +82,15 @@ def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
 def choose(
     candidates: list[Contour], number: int | None, lost: Sequence[Lost]
 ) -> tuple[Contour, list[str]]:
-    """Returns the contour `number`, from 1 (None: the only outer contour), and notes on the choice.
+    """Chooses a contour by its number, and returns it with notes on the choice.
+
+    Numbers count from 1; None chooses the only outer contour.
 
     Raises:
-        UsageError: there is no such contour, or no number and several outer ones; lists them.
-        InputError: the outline may be one of the `lost` shapes, or another contour of the same lines.
+        UsageError: there is no such contour, or the number is None and there are several outer contours. The
+            message lists the contours.
+        InputError: the outline may be one of the `lost` shapes, which were not read, or the lines of the
+            chosen contour may bound another one.
     """
     outer = [contour for contour in candidates if contour.outer]
     listed = listing(candidates)
@@ -111,7 +115,7 @@ def choose(
 
 
 def holes_of(contour: Contour, contours: list[Contour]) -> list[Array]:
-    """The inner contours (n, 2) [mm] that lie inside a contour."""
+    """The contours, each (n, 2) [mm], that lie inside `contour`."""
     face = noding.face(contour.points)
     return [o.points for o in contours if o is not contour and face.contains(noding.face(o.points))]
 
@@ -128,10 +132,11 @@ def listing(contours: list[Contour]) -> str:
 
 
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
-    """Separates isolated rings (n, 2) from all other lines; coordinates are relative to a local origin.
+    """Returns the isolated rings, each (n, 2), and all other lines, relative to a local origin.
 
-    A ring that crosses itself also counts as isolated, unless its lines bound exactly one region. It is
-    refused later if it is chosen as the outline.
+    A ring is isolated if no other line comes within `join_mm` of it. A ring that crosses itself is isolated
+    unless its lines bound exactly one region. An isolated ring that crosses itself is refused later, if it is
+    chosen as the outline.
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:
@@ -158,7 +163,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
-    """Whether a ring encloses more area than a line that is drawn twice, `join_mm` apart."""
+    """Whether a ring encloses a larger area than a line drawn twice, with `join_mm` between the copies."""
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
     return len(ring) > 2 and _hull(ring).area > least and float(noding.face(ring).area) > least
 
@@ -168,10 +173,9 @@ def _hull(points: Array) -> shapely.Geometry:
 
 
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
-    """Whether a ring around another one is the border of an ISO 216 sheet, with or without its margins.
+    """Whether a ring is the border of an ISO 216 sheet, with or without margins, and surrounds another ring.
 
-    The smallest such border is wider than any gripper opens: its shorter side is A5's shorter side less
-    margins.
+    The smallest such border, A5 less its margins, measures 98 x 160 mm.
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
@@ -187,7 +191,7 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
 
 
 def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
-    """Returns the rings, without rings that lie on an earlier ring to within the tolerance."""
+    """Removes rings that repeat an earlier ring to within the tolerance."""
     lines = [shapely.LinearRing(ring.points) for ring in rings]
     boxes = shapely.bounds(lines)
     kept: list[int] = []
@@ -200,9 +204,9 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
 
 
 def _nested(rings: list[Contour]) -> list[Contour]:
-    """Adds to each ring its area, the number of rings inside it, and whether it lies inside none.
+    """Returns the rings with their areas, their numbers of holes, and whether they lie inside no other ring.
 
-    Returns them with outer before inner ones, and larger before smaller ones.
+    Outer rings come before inner ones, and larger rings before smaller ones.
     """
     faces = [noding.face(ring.points) for ring in rings]
     tree = shapely.STRtree(faces)
@@ -235,9 +239,10 @@ def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost]) -> Inpu
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:
-    """Whether open lines surround all rings: an open outline with closed holes.
+    """Whether open lines surround all rings, as an outline that was left open surrounds its holes.
 
-    A single chain of lines may have a gap of any width; several chains must nearly close.
+    A single chain of lines surrounds what its convex hull contains, however wide its gap is. Several chains
+    together do so only if the narrowest gap between their ends is small.
     """
     if not loose:
         return False

@@ -23,7 +23,9 @@ MAX_DEPTH = 50  # most levels of nested blocks
 
 
 def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
-    """Returns the shapes of a DXF file; the errors of readers do not name the file.
+    """Returns the shapes of a DXF file.
+
+    Error messages of this function do not name the file; the caller adds its name.
 
     Raises:
         UsageError: see `file.read_outline`; or there is no such layer.
@@ -81,7 +83,7 @@ def _scale(document: Drawing, unit_mm: float | None) -> tuple[float, list[str]]:
 
 
 def _size(document: Drawing, space: Modelspace) -> int:
-    """Number of shapes of a drawing with its blocks expanded, each as often as it is inserted."""
+    """Number of shapes of a drawing; the shapes of a block count as often as the block is inserted."""
     known: dict[str, int] = {}
 
     def count(layout: BlockLayout | Modelspace, above: tuple[str, ...]) -> int:
@@ -106,7 +108,7 @@ def _size(document: Drawing, space: Modelspace) -> int:
 
 
 def _elsewhere(document: Drawing) -> list[str]:
-    """Returns a note on each paper-space layout that holds shapes, for a model space without any."""
+    """Returns notes for a drawing whose model space is empty: one on each other layout that holds shapes."""
     counts = {
         layout.name: sum(entity.dxftype() != "VIEWPORT" for entity in layout)
         for layout in document.layouts

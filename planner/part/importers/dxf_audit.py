@@ -1,4 +1,4 @@
-"""Shapes of a damaged DXF file that ezdxf removed, or whose numbers it guessed, while reading the file."""
+"""Finds the shapes that ezdxf removed from a damaged DXF file, or whose numbers it guessed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ class Losses(NamedTuple):
 
 
 def losses(auditor: Auditor, data: bytes) -> Losses:
-    """Sorts the auditor's messages about shapes into losses and repairs; `data` is the file's content."""
+    """Sorts the messages of ezdxf's auditor about shapes into losses and repairs.
+
+    `data` is the content of the file.
+    """
     lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):
         code = AuditError(entry.code)
@@ -50,7 +53,10 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
 
 
 def _among_shapes(words: str, data: bytes) -> bool:
-    """Whether the line that a message names, if any, lies in a section that holds shapes."""
+    """Whether the line of the file that a message names lies in a section that holds shapes.
+
+    True if the message names no line.
+    """
     line = LINE.search(words)
     if line is None:
         return True

@@ -1,4 +1,7 @@
-"""Visible shapes of a DXF drawing's model space, by ezdxf's rendering front end: layers, blocks, flags."""
+"""Finds the visible shapes of a DXF drawing's model space.
+
+ezdxf's rendering front end decides what is visible; it knows layers, blocks and flags.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,7 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 class View(NamedTuple):
-    """What a drawing shows: the curves that are read, and the shapes that are not."""
+    """The curves that are read from a drawing, the visible shapes that are not read, and notes."""
 
     curves: list[pieces.Curve]
     lost: list[pieces.Lost]  # shapes that are shown, but not read
@@ -63,7 +66,7 @@ class View(NamedTuple):
 
 
 def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None) -> View:
-    """Returns the curves of the model space that are visible and plotted, and what else it shows.
+    """Reads the visible, plotted curves of the model space; also records the shapes that are not read.
 
     Args:
         document: the drawing.
@@ -87,7 +90,10 @@ def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None)
 
 
 def _write_out_arrays(document: Drawing) -> None:
-    """Replaces array INSERTs in blocks by single ones: ezdxf does not scale their spacing with the block."""
+    """Replaces each array INSERT within a block by single INSERTs.
+
+    ezdxf does not scale the spacing of an array with the block around it.
+    """
     for block in document.blocks:
         arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
         for array in [] if block.is_any_layout else arrays:
@@ -148,7 +154,10 @@ class _Viewer(Frontend):
             layer.is_visible |= layer.layer.lower() == self._only
 
     def skip_entity(self, entity: DXFEntity, msg: str) -> None:
-        """Records as hidden or lost an entity that ezdxf does not draw; ezdxf calls this with the reason."""
+        """Records an entity that ezdxf does not draw, as hidden or as lost.
+
+        ezdxf calls this method with the reason `msg`.
+        """
         layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
         if layer == "0" and block is not None:
             layer = block.layer.lower()
@@ -158,7 +167,10 @@ class _Viewer(Frontend):
             self._lose(entity, msg)
 
     def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
-        """Draws or records an entity; ezdxf calls this for visible entities and for INSERTs on any layer."""
+        """Draws an entity or records it as not drawn.
+
+        ezdxf calls this method for visible entities, and for INSERTs on any layer.
+        """
         kind, layer = entity.dxftype(), properties.layer.lower()
         if isinstance(entity, Insert):
             self._draw_block(entity, properties)
@@ -198,7 +210,10 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records an entity as lost, with its box: it may be the outline only if it surrounds the others."""
+        """Records an entity as lost, with its box.
+
+        Such an entity may be the outline only if it surrounds all other shapes.
+        """
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
@@ -243,7 +258,7 @@ def _width(entity: LWPolyline | Polyline) -> float:
 
 
 def _is_skewed(insert: Insert) -> bool:
-    """Whether ezdxf would rotate a nested block before scaling it, instead of after."""
+    """Whether a block scales x and y differently and holds a rotated block; ezdxf draws this wrongly."""
     if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
         return False
     inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))
@@ -251,7 +266,11 @@ def _is_skewed(insert: Insert) -> bool:
 
 
 def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
-    """The path of a shape, computed about an origin near it."""
+    """Returns the path of a shape.
+
+    The path of a spline, or of a shape far from the origin, is computed about a point of the shape and moved
+    back, since ezdxf takes neighbouring points far from the origin for equal.
+    """
     if isinstance(entity, Spline) and (len(entity.control_points) or entity.closed):
         drawn = _spline if len(entity.control_points) else _closed_spline
         points = drawn(entity, tolerance)
@@ -268,7 +287,7 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
 
 
 def _is_edge_on(shape: path.Path) -> bool:
-    """Whether a closed curve has no area as seen from above, since it stands upright."""
+    """Whether a closed curve stands upright, so that it has no area as seen from above."""
     corners = np.array([tuple(point) for point in shape.control_vertices()]).reshape(-1, 3)
     if not len(corners) or not shape.is_closed or np.ptp(corners[:, 2]) <= STRAIGHT:
         return False
@@ -314,7 +333,7 @@ def _closed_spline(entity: Spline, tolerance: float) -> Array:
 
 
 def _span_by_span(curve: Callable[[Array], Array], knots: Array, tolerance: float) -> Array:
-    """Converts a curve that is smooth between its knots to a polyline (n, 2)."""
+    """Converts a curve that is smooth between its knots to a polyline (n, 2), one span after the other."""
     spans = pairwise(knots.tolist())
     return np.concatenate([pieces.flattened(curve, tolerance, *span) for span in spans])
 

@@ -1,4 +1,4 @@
-"""Reads outline files of any format, by suffix: chooses one contour, simplifies, checks and centres it."""
+"""Reads outline files of any format, by suffix; chooses, simplifies, checks and centres one contour."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,7 +27,7 @@ DATUM_MM = 10_000.0  # Largest distance of a job's datum from its part
 
 
 class Imported(NamedTuple):
-    """A checked and centred outline from a file, with its symmetry, holes and datum."""
+    """A checked and centred outline from a file, with its symmetry, its holes and the drawing's origin."""
 
     outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
     symmetry: int  # rotational order of the outline
@@ -36,11 +36,11 @@ class Imported(NamedTuple):
     height_mm: float | None = None  # height of the solid; None for an outline
     holes_mm: tuple[Array, ...] = ()  # contours inside the outline, each (n, 2), in its frame
     origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
-    origin_name: str = DATUM  # name of the datum's point
+    origin_name: str = DATUM  # which point of the drawing the datum is, for people
 
 
 class Face(NamedTuple):
-    """A face on which a solid may lie on the table."""
+    """A face on which a solid may lie on the table, or several faces with the same outline."""
 
     share: float  # share of the parts that come to rest on it
     imported: Imported
@@ -49,7 +49,7 @@ class Face(NamedTuple):
 
     @property
     def down_text(self) -> str:
-        """The faces of the solid that may be down, for people."""
+        """The outward normals of the faces that may be down, as text for people."""
         return " or ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in self.down)
 
 
@@ -57,10 +57,12 @@ def read_outline(path: Path, options: Options) -> Imported:
     """Reads an outline from a file that ends in one of `SUFFIXES`.
 
     Raises:
-        UsageError: neither file nor options state the unit or the contour; the height is outside the solid;
-            the suffix is unknown, or trimesh is not installed.
+        UsageError: neither the file nor the options state the unit; the drawing has several outer contours,
+            and the options choose none; the height is outside the solid; the suffix is unknown; or trimesh is
+            not installed.
         InputError: the file is missing, too large, or of another format than its suffix; it holds no closed
-            contour, one that crosses itself, or too many shapes; or a line of a CSV file is not two numbers.
+            contour, or too many shapes; the contour crosses itself; or a line of a CSV file is not two
+            numbers.
     """
     with _pieces(path, options) as pieces:
         candidates, notes = contours.contours(pieces, options.tolerance_mm)
@@ -82,7 +84,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
 
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
-    """Context manager that reads and yields the shapes of a file, with the time limit of `_reading`."""
+    """Context manager that reads a file and yields its shapes; `_reading` limits the time of the body."""
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
     if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
@@ -100,7 +102,8 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
 def _reading(path: Path) -> Iterator[list[str]]:
     """Context manager that limits the time of reading a file, and yields a list for notes on the file.
 
-    An `InputError` or `UsageError` in its body is raised again with the file's name and with the notes.
+    An `InputError` or `UsageError` in the body of the `with` statement is raised again with the file's name
+    and with the notes.
     """
     notes: list[str] = []
     try:
@@ -117,9 +120,9 @@ def _reading(path: Path) -> Iterator[list[str]]:
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads the outlines of a solid as it lies on each of its stable faces, the commonest face first.
 
-    The finger tips have the same height above the table for all faces: the height in the options, or else
-    `tips_mm(h)`, where h is the solid's height on the face on which it is lowest. Faces whose outlines look
-    alike are merged.
+    The finger tips have the same height above the table for all faces. If the options state no height, it is
+    `tips_mm(h)`; h is the least height of the solid on any of the faces. Faces on which the solid has nearly
+    the same height and outline are merged.
 
     Raises:
         UsageError: the file is no solid.
@@ -150,7 +153,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 
 def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
-    """The outline of a solid that lies on a face; for several outer contours their convex hull."""
+    """The outline of a solid that lies on a face: its outer contour, or the convex hull of several."""
     pieces = mesh.silhouette(face.solid, height_mm)
     result, notes = contours.contours(pieces, tolerance_mm)
     outer = [contour.points for contour in result if contour.outer]
@@ -164,7 +167,7 @@ def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
 
 
 def _alike(one: Imported, other: Imported) -> bool:
-    """Whether a solid has nearly the same height and outline when it lies on one face or on another."""
+    """Whether a solid has nearly the same height and outline on two of its faces."""
     assert one.height_mm is not None
     assert other.height_mm is not None
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
@@ -186,7 +189,10 @@ def _bytes(path: Path) -> bytes:
 
 
 def _checked(points: Array, holes: list[Array], tolerance_mm: float, notes: list[str]) -> Imported:
-    """Checks, simplifies and centres a contour; converts its holes and the datum to the outline's frame."""
+    """Checks, simplifies and centres a contour.
+
+    Converts the holes (n, 2) [mm] and the drawing's origin to the frame of the centred outline.
+    """
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
         problem = f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right?"

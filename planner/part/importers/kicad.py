@@ -26,7 +26,7 @@ ROUNDS = 32  # chords of a rounded corner: error 3e-4 of its radius
 
 
 class Expression(NamedTuple):
-    """A list in a footprint's S-expression; its first element is its name."""
+    """A list in a footprint's S-expression: its first element is its name, the others are its values."""
 
     name: str
     values: list[object]  # the further elements: words, texts, numbers and lists
@@ -36,15 +36,15 @@ class Expression(NamedTuple):
         return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
 
     def has(self, name: str) -> bool:
-        """Whether one of the lists among the values has this name."""
+        """Whether there is a list called `name` among the values."""
         return any(child.name == name for child in self.children())
 
     def child(self, name: str) -> "Expression":
-        """The first list among the values with this name; raises `KeyError` if there is none."""
+        """The first list called `name` among the values; raises `KeyError` if there is none."""
         return {child.name: child for child in reversed(self.children())}[name]
 
     def numbers(self, name: str, count: int) -> Array:
-        """The first values (count,) of the list `name`.
+        """The first `count` numbers of the list called `name` among the values.
 
         Raises:
             KeyError: there is no such list.
@@ -53,7 +53,7 @@ class Expression(NamedTuple):
         return self.child(name).first(count)
 
     def first(self, count: int) -> Array:
-        """The first values (count,); raises `ValueError` if they are not finite numbers."""
+        """The first `count` values as an array; raises `ValueError` if they are not finite numbers."""
         values = [value for value in self.values[:count] if isinstance(value, int | float)]
         if len(values) != count or not all(map(math.isfinite, values)):
             written = " ".join(map(str, (self.name, *self.values)))[:40]
@@ -101,7 +101,7 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
 
 
 def _shapes(text: str) -> list[Expression]:
-    """Parses a footprint and returns the lists that state their layers: its shapes and texts."""
+    """Parses a footprint and returns its shapes and texts, which are the lists that state a layer."""
     if not re.match(r"\s*\((footprint|module)\b", text):
         raise InputError("is not a KiCad footprint; export one, or a DXF")
     try:
@@ -132,7 +132,7 @@ def _word(value: object) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """The reason of an error, on one line."""
+    """The message of an error, shortened to one line."""
     if isinstance(error, KeyError):
         return f"no {error.args[0]}"
     return str(error).split("\n")[0][:120] or type(error).__name__
@@ -161,7 +161,8 @@ def _circle(shape: Expression, tolerance: float) -> Array:
 def _bow(shape: Expression, tolerance: float) -> Array:
     """Converts an arc to a polyline (n, 2).
 
-    The arc is stated by three points; before KiCad 6, by its centre (`start`), one end (`end`) and angle.
+    A file states an arc by three points. Before KiCad 6 it states the arc's centre (`start`), one of its ends
+    (`end`) and its angle.
     """
     start, end = shape.numbers("start", 2), shape.numbers("end", 2)
     if shape.has("angle"):
@@ -214,7 +215,10 @@ def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:
 
 
 def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array:
-    """The arc through three points: a circle if the ends coincide, a line if the points lie on one."""
+    """The arc through three points as a polyline (n, 2).
+
+    The arc is a circle if its ends coincide, and a straight line if the three points lie on a line.
+    """
     if np.array_equal(start, end):
         return _arc(0.5 * (start + middle), start, math.tau, tolerance)
     one, other = (complex(*(point - start)) for point in (middle, end))

@@ -1,4 +1,4 @@
-"""Reads STL solids by trimesh: the silhouette that closing fingers meet, and the faces to rest on."""
+"""Reads STL solids by trimesh: the silhouette that closing fingers meet, and the faces on which they rest."""
 
 import io
 from types import ModuleType
@@ -33,11 +33,11 @@ def read(data: bytes, options: Options) -> Pieces:
 
 
 def lying(data: bytes, options: Options) -> list[Lying]:
-    """Returns a solid on each facet of its convex hull that it can rest on, the commonest facet first.
+    """Returns a solid at rest on each stable facet of its convex hull, the commonest facet first.
 
-    The share of a facet is the solid angle that it subtends at the centre of mass, plus the solid angles of
-    the facets from which the solid tips over onto it. This is quasi-static: bouncing and rolling are ignored.
-    Facets of equal share are sorted by their direction.
+    The share of a facet is proportional to the solid angle that the facet subtends at the centre of mass,
+    plus the solid angles of the facets from which the solid tips over onto this one. Bouncing and rolling are
+    ignored. Facets of equal share are sorted by their direction.
 
     Raises:
         UsageError: trimesh is not installed, or the unit is not stated.
@@ -58,8 +58,8 @@ def lying(data: bytes, options: Options) -> list[Lying]:
 def silhouette(solid: Any, height_mm: float | None) -> Pieces:
     """Returns the outline that closing fingers meet: the projection of a solid above the finger tips.
 
-    The tips are `height_mm` above the solid's lowest point; None: `tips_height_mm` of the solid's height, or
-    half the height of a solid that is too thin for tips.
+    The tips are `height_mm` above the solid's lowest point. None stands for the default height of tips, and
+    for half the height of a solid that is too thin for the default.
 
     Raises:
         UsageError: the tips are not between the lowest and the highest point of the solid.
@@ -100,8 +100,9 @@ def silhouette(solid: Any, height_mm: float | None) -> Pieces:
 def _shadow(solid: Any, height: float) -> shapely.Geometry:
     """The projection of a solid above a height.
 
-    For a closed solid it is the projection of the triangles above the height: a vertical line that enters
-    the solid leaves it through a triangle. If the surface is open, the section at the height is added.
+    The triangles above the height are projected. For a closed solid these suffice, since each vertical line
+    that enters the solid also leaves it through a triangle. For an open surface, the section at the height is
+    added.
 
     Raises:
         InputError: the surface has a hole at this height.
@@ -125,9 +126,9 @@ def _shadow(solid: Any, height: float) -> shapely.Geometry:
 
 
 def _patches(surface: Any) -> list[shapely.Geometry]:
-    """The projections of a surface's patches: connected triangles that all face up or all face down.
+    """Projects the patches of a surface; a patch is connected triangles that all face up or all face down.
 
-    The triangles of most patches do not overlap, so that removing their common edges unites them.
+    The triangles of most patches do not overlap. They are united fast, by removal of their common edges.
     """
     corners = np.asarray(surface.triangles)[:, :, :2]
     one, other = (corners[:, k] - corners[:, 0] for k in (1, 2))
@@ -152,7 +153,7 @@ def _patches(surface: Any) -> list[shapely.Geometry]:
 def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
     """The union of polygons, with the cracks between them closed.
 
-    The union is computed on a grid; without one, GEOS loses some polygons whose edges nearly coincide.
+    The union is computed on a grid; otherwise GEOS loses some polygons whose edges nearly coincide.
     """
     whole = shapely.union_all(polygons, grid_size=GRID_MM)
     wider = shapely.buffer(whole, CRACK_MM, join_style="mitre")

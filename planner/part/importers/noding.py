@@ -1,7 +1,7 @@
 """Finds the regions that lines bound, even where the lines meet, cross or overlap.
 
-GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`). Faces that share an
-edge are joined to one region.
+GEOS cuts the lines where they meet, after rounding to a grid (snap rounding), and finds the faces that they
+bound (`polygonize`). Faces that share an edge are joined to one region.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from shapely.ops import substring
 from planner.arrays import Array, BoolArray, IntArray
 
 GRID_MM = 1e-6  # Grid of the snap rounding: smaller differences are rounding errors of the file
-BESIDE_MM = 1e-5  # Largest distance of a noded line from the original
+BESIDE_MM = 1e-5  # Largest distance of a rounded line from the original
 
 
 class Region(NamedTuple):
@@ -41,7 +41,7 @@ class Regions(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Free ends of chains, which meet no other line."""
+    """Free ends: ends of chains that meet no other line."""
 
     points: Array  # (n, 2)
     chain: IntArray  # (n,) index of the chain that ends there
@@ -82,7 +82,10 @@ def _coordinates(lines: Array) -> list[Array]:
 
 
 def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
-    """Adds lines that close the gaps of up to `join_mm` at free ends to the noded lines."""
+    """Adds bridges to lines; a bridge closes a gap of up to `join_mm` at a free end of a line.
+
+    `noded` are the lines, cut where they meet.
+    """
     chains = shapely.get_parts(shapely.line_merge(noded))
     ends = _free_ends(chains, join_mm)
     if not len(ends.points):
@@ -96,7 +99,10 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
-    """The ends of chains where no other line ends, except the ends of overshoots of up to `join_mm`."""
+    """The ends of chains at which no other chain ends.
+
+    If a chain of up to `join_mm` has one free end, the chain is an overshoot, and this end is left out.
+    """
     points = shapely.get_coordinates([shapely.get_point(chains, index) for index in (0, -1)])
     chain = np.tile(np.arange(len(chains)), 2)
     last = np.repeat([False, True], len(chains))
@@ -110,8 +116,8 @@ def _free_ends(chains: Array, join_mm: float) -> _Ends:
 def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
     """Pairs free ends that are at most `join_mm` apart, the nearest first.
 
-    The two ends of a chain that is hardly longer than the gap are not paired, since they belong to different
-    neighbours.
+    The two ends of one short chain, of up to 4 `join_mm`, are not paired with each other, since they belong
+    to different neighbours.
 
     Returns:
         Whether each end (n,) is paired, and the line between the two ends of each pair.
@@ -132,9 +138,9 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
 def _to_nearest(
     tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float
 ) -> shapely.Geometry | None:
-    """The shortest line from end `k` to another chain, or to its own chain away from the end.
+    """The shortest line from end `k` to another chain, or to a distant part of its own chain.
 
-    None if it would be longer than `join_mm`, or if the end lies on the other chain.
+    None if this line would be longer than `join_mm`, or if the end already lies on a chain.
     """
     end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
@@ -151,7 +157,10 @@ def _to_nearest(
 
 
 def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
-    """Joins faces that share an edge of their outer boundaries; edges of `thin` faces leave no seams."""
+    """Unites faces to regions; two faces are united if their outer boundaries share an edge.
+
+    A shared edge becomes a seam of the region, unless one of the two faces is `thin`.
+    """
     segments, faces = _shared_edges(polygons)
     links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
     count, group = connected_components(links, directed=False)
@@ -199,6 +208,6 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
 
 
 def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
-    """Returns the indices of the lines of a tree that pass through the midpoint of any line of `each`."""
+    """Returns the indices of those `lines` that pass through the midpoint of any line of `each`."""
     middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
     return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

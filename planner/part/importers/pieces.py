@@ -1,4 +1,4 @@
-"""Options for reading a drawing, and its shapes before they form contours: rings and strokes, in mm."""
+"""Options for reading a drawing, and the shapes of a drawing before they form contours: rings and strokes."""
 
 import signal
 import threading
@@ -37,12 +37,15 @@ class Options(NamedTuple):
 
     @property
     def unit_mm(self) -> float | None:
-        """Size of one unit [mm]; None: as the file states it."""
+        """Size of one unit of the drawing [mm]; None: the file states the unit."""
         return self.scale or (UNITS_MM[self.units] if self.units else None)
 
     @property
     def chord_mm(self) -> float:
-        """Largest distance of a chord from its curve: half the tolerance; vertex removal takes the rest."""
+        """Largest distance of a chord from its curve: half the tolerance.
+
+        The removal of vertices may use the other half.
+        """
         return 0.5 * self.tolerance_mm
 
 
@@ -82,7 +85,7 @@ def flattened(
 
     `curve` takes (n,) parameters from `low` to `high` and returns (n, 2) points in its own unit.
     """
-    n = 8  # enough chords that a curve does not cross all of them in their middles
+    n = 8  # with fewer chords, a curve might pass through the middles of all of them and seem straight
     while True:
         points = curve(np.linspace(low, high, 2 * n + 1))
         chords = 0.5 * (points[0:-1:2] + points[2::2])
@@ -99,9 +102,10 @@ class Curve(NamedTuple):
 
 
 def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]) -> Pieces:
-    """Sorts curves (n, 2) [mm] into rings, whose ends are at most `join_mm` apart, and strokes.
+    """Sorts curves (n, 2) [mm] into closed rings and open strokes.
 
-    A curve that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
+    The ends of a ring are at most `join_mm` apart, and also at most a tenth of the ring's length. So a very
+    short curve is a stroke.
 
     Raises:
         InputError: a coordinate is not finite or too large, or there are too many points.
@@ -129,7 +133,7 @@ def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]
 
 
 def place(point: Array) -> str:
-    """Formats a point of a drawing to 0.01 mm, at any distance from the origin."""
+    """Formats a point (2,) of a drawing as text, rounded to 0.01 mm at any distance from the origin."""
     x, y = (np.round(point, 2) + 0.0).tolist()
     return f"({x:.12g}, {y:.12g})"
 
@@ -144,7 +148,9 @@ REPEAT_S = 0.1  # time between two signals after the time limit
 
 @contextmanager
 def time_limit(seconds: float = SECONDS) -> Iterator[None]:
-    """Limits the time of the body of a `with` statement, if it runs in the main thread, where signals arrive.
+    """Limits the time of the body of a `with` statement.
+
+    Outside the main thread, which alone receives signals, there is no limit.
 
     Raises:
         InputError: the time is over.

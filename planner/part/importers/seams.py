@@ -13,7 +13,7 @@ LISTED = 6  # most seams that a note describes
 
 
 class Drawn(NamedTuple):
-    """Lines of a drawing that may bound a contour, about a local origin."""
+    """Lines of a drawing that may bound a contour, relative to a local origin."""
 
     lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
     layers: list[str]  # layer of each line; "" in formats without layers
@@ -31,8 +31,9 @@ class Meaning(NamedTuple):
 def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
     """Interprets the seams of a region; `loose` are the lines that bound no face.
 
-    A region is ambiguous in three cases: closed contours overlap in it; one of its lines continues beyond it,
-    like the extension line of a dimension; or a single layer bounds another region, and none this one.
+    A region is ambiguous in three cases. Closed contours overlap in it. A line of its boundary continues
+    beyond it, like the extension line of a dimension. Or the lines of one layer alone bound another region,
+    while no layer alone bounds this one.
     """
     if not region.seams:
         return Meaning()
@@ -68,9 +69,9 @@ def _named(points: Array, drawn: Drawn) -> str:
 
 
 def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
-    """Returns a layer whose lines alone bound another region.
+    """Returns a layer whose lines alone bound a region other than this one.
 
-    Returns "" if the lines of one layer bound this region, or if no single layer bounds any region.
+    Returns "" if there is no such layer, or if the lines of some layer alone bound this region.
     """
     face = noding.face(region.ring)
     near = drawn.tree.query(face, "dwithin", distance=join_mm)

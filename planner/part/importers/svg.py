@@ -81,7 +81,10 @@ def _box(page: Values) -> list[float] | None:
 
 
 def _stated_scale(page: Values, box: list[float] | None) -> float | None:
-    """Size of one user unit by the drawing's physical size and viewBox [mm]; None if one is missing."""
+    """Size of one user unit [mm]: the drawing's physical size divided by its viewBox.
+
+    None if either is missing.
+    """
     scales = []
     for name, extent in zip(SIZES, box[2:] if box else (0.0, 0.0), strict=True):
         size = page.stated(name)

@@ -158,7 +158,10 @@ class Scene:
         return frame._replace(matrix=frame.matrix @ fit, viewport=inner, window=window)
 
     def _window(self, frame: Frame, values: Values, size: Viewport) -> shapely.Geometry | None:
-        """The window that is visible through an element's viewport and all those around it; None: all."""
+        """The part of the drawing that the viewport of an element and all viewports around it leave visible.
+
+        None: everything is visible.
+        """
         width, height = size
         overflow = values.style.get("overflow", "hidden").split()
         if width is None or height is None or "visible" in overflow or "auto" in overflow:
@@ -183,6 +186,6 @@ class Scene:
             raise pieces.too_much(f"draws more than {shapes}")
 
     def _kind(self, element: Element) -> str:
-        """The name of an element without its namespace; "" if the root has another namespace."""
+        """The name of an element without its namespace; "" if this namespace is not that of the root."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""

@@ -61,7 +61,7 @@ class Sheets:
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
-        """Adds the rules for the comma-separated `media` if a screen is one of them."""
+        """Adds style rules if the comma-separated `media`, to which the rules apply, include a screen."""
         kinds = {kind.strip().lower() for kind in media.split(",")}
         if kinds & SCREEN:
             for rule in rules:

@@ -37,7 +37,7 @@ ASPECT = re.compile(
 
 
 class Viewport(NamedTuple):
-    """The size to which percentages refer, in user units; None: unknown."""
+    """The size of the window to which percentages refer, in user units; None: unknown."""
 
     width: float | None
     height: float | None
@@ -112,7 +112,7 @@ class Values(NamedTuple):
         return self.length(name) or 0.0
 
     def numbers(self, name: str) -> list[float]:
-        """The list of numbers without units in the attribute `name`."""
+        """The numbers that the attribute `name` lists, without units."""
         text = self.style.get(name, "")
         if not LIST.fullmatch(text):
             raise self.error(name, "is no list of numbers")
@@ -170,7 +170,7 @@ class Values(NamedTuple):
         return self._word("visibility") == "visible" and inked
 
     def strokes(self, stroke_width: float) -> bool:
-        """Whether a shape, if it is visible, is stroked with some colour."""
+        """Whether a shape is stroked with some colour, be the shape visible or not."""
         return stroke_width > 0.0 and self._inks("stroke")
 
     def _inks(self, what: str) -> bool:
