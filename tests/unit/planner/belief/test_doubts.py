@@ -1,4 +1,4 @@
-"""Latent parameters that a job states become traits, which particles keep."""
+"""The latent parameters in a job give each particle its traits, and the particle keeps them."""
 
 import numpy as np
 import pytest

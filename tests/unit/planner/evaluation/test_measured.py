@@ -1,4 +1,4 @@
-"""The figures of an evaluation in its table."""
+"""A table takes over the figures of its evaluation, and what they say of its leaves."""
 
 from dataclasses import replace
 from random import Random
