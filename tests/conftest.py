@@ -1,4 +1,4 @@
-"""What every test needs of its process."""
+"""For every test: signals, environment and settings of the process, and common fixtures."""
 
 import os
 import signal
@@ -35,7 +35,10 @@ USUAL = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALR
 
 @pytest.fixture(autouse=True)
 def _handlers() -> Iterator[None]:
-    """Commands that are their process's last leave signals ignored, in a fixture of any scope too."""
+    """Restores the signal handlers before and after each test.
+
+    Commands that end their process leave signals ignored, also if a fixture runs them.
+    """
     _handle_as_usual()
     yield
     _handle_as_usual()

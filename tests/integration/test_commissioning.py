@@ -37,7 +37,7 @@ def test_commissioning_page_commands_print_shown_output(work, environment):
 
 @pytest.mark.parametrize("part", ["rectangle", "gusset"])
 def test_commissioning_page_heights_raised_in_air_give_valid_job(part):
-    """Each height of a job that the page names is raised by as much as the page says."""
+    """The heights that the page names are raised by as much as the page says."""
     job = TREES / part / "job.toml"
     assert 0.96 < wilson_interval(100, 100)[0] < 0.97  # what the page's hundred parts can prove
     text = (DOCS / "commissioning.md").read_text()

@@ -37,7 +37,7 @@ class Station:
         return called(main, *self.words(*words))
 
     def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
-        """Starts a run and sends it a signal as soon as `when` holds; returns how the run ended."""
+        """Starts a run and sends it a signal as soon as `when` returns true; returns how the run ended."""
         process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
 

@@ -101,7 +101,7 @@ class Desk:
             self.files[name].write_text(text)
 
     def run(self, command: Command, out: Path) -> int:
-        """Run a command on the files; returns its exit code."""
+        """Runs a command that reads the desk's files and writes to `out`; returns its exit code."""
         names = {kind: out.with_suffix(f".{kind}") for kind in ("json", "svg")}
         names |= {"out": out, "folder": out.parent, **self.files}
         words = [word.format(**names) for word in command.words.split()]
@@ -113,7 +113,7 @@ class Desk:
         return cli.main([*words, *VIRTUAL, *REHEARSAL])
 
     def seen(self) -> dict[str, object]:
-        """Kind, device number, target or content of all that lies in the folder."""
+        """What lies in the folder, by path: content of files, target of links, or kind and device."""
         return {str(path): what_is(path) for path in self.folder.rglob("*")}
 
 

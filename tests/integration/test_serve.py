@@ -157,7 +157,7 @@ def test_serve_misbehaving_robots_get_errors_and_stop_ends_part(tree):
 
 
 def good(served: Served) -> Line:
-    """A connection, once the server has noticed the end of the previous one."""
+    """Opens a connection once the server has noticed the end of the previous one; returns it."""
     until = time.monotonic() + WAIT_S
     while time.monotonic() < until:
         line = Line(served)

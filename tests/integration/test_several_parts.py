@@ -300,7 +300,7 @@ def report_of(table, folder, *more):
 
 
 def named_in(text):
-    """The rows of the page's table of names; the last column counts parts without a name."""
+    """The counts in the page's table of names, row by row; the last column counts parts without a name."""
     body = text.split('<table id="names">')[1].split("<tbody>")[1].split("</tbody>")[0]
     rows_of = re.findall(r"<tr>(.*?)</tr>", body)
     return [[int(count) for count in re.findall(r"<td>(?:<strong>)?(\d+)", row)] for row in rows_of]
@@ -331,7 +331,7 @@ def test_plan_report_several_parts_draws_and_counts_each(posed, tmp_path):
 
 
 def polygons(page):
-    """The outlines that panels use, each with its first coordinates [mm]."""
+    """The outlines of parts in a page: attributes of each polygon, and x of its vertices [mm]."""
     return [
         (attributes, [float(point.split(",")[0]) for point in attributes["points"].split()])
         for tag, attributes in page.elements

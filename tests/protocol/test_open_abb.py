@@ -190,7 +190,7 @@ def test_arm_server_pipelined_commands_are_lost(served):
 
 @pytest.fixture
 def moving(served):
-    """A client whose move takes 20 s, 0.4 s here."""
+    """A client that has commanded a move of 20 s, which takes 0.4 s in the test."""
     client = served.client()
     talk(client, "8 5 90 #")
     client.sendall(b"1 100 0 100 0 1 0 0 #")

@@ -25,7 +25,7 @@ READ_WRITE = "09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C"
 
 
 class Canned:
-    """Registers with the content of an example of a manual."""
+    """A Modbus device whose registers have the fixed content of a manual's example."""
 
     functions = frozenset({3, 23})
 
