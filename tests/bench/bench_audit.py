@@ -59,7 +59,7 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
 
 
 def calibrated(folder: Path) -> dict[str, float]:
-    """Calibrates the cell's camera and the part's tag by our own commands; returns how far they are off."""
+    """Calibrates the cell's camera and the part's tag by our own commands; returns their errors."""
     cell = ended([*CELL, "--tree", TABLE, "--camera-views", folder], timeout=None)
     for line in cell.out.splitlines():
         if called(calibrate, *shlex.split(line)[1:]).code:

@@ -21,7 +21,7 @@ TABLE1 = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 
 
 def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
-    """Computes the lower bound of a job for its table; returns a row with both numbers of squeezes."""
+    """Computes the lower bound for a job's table; returns a row with the bound and the mean squeezes."""
     job = job_file.load(TREES / name / "job.toml")
     table = table_of(name).table
     start = time.process_time()

@@ -2,7 +2,7 @@
 
     python tests/bench/bench_camera.py [--pictures 500] [--limits 200]
 
-Pictures have 1920 x 1080 pixels. Tags are 22 mm across, and the camera is 600 mm from the table, below it.
+Pictures have 1920 x 1080 pixels. Tags are 22 mm across; the camera sees them from 600 mm below the table.
 The tags on `--pictures` ordinary pictures are measured twice: with the true calibration, and with one that
 `grasp-calibrate camera` makes from rendered views of boards. For each of several flaws, such as blur, the
 tags on `--limits` pictures are measured with the true calibration alone.

@@ -62,7 +62,7 @@ DRAWN_MM = 0.1  # Tolerance of outlines that are kept to be drawn
 
 
 class Recorded(NamedTuple):
-    """Pushes of one shape on one surface [mm], in the frame of the part at the start, about its centroid."""
+    """Pushes of one shape on one surface [mm], in the frame of the part's centroid at the start."""
 
     shape: str
     surface: str
@@ -75,9 +75,9 @@ class Recorded(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Distances and angles of predicted ends of pushes from measured ones.
+    """Distances and angles between predicted and measured ends of pushes.
 
-    The distance is that of the points at the origin of the data's poses.
+    The distance is that of the part's point at the origin of the data's poses.
     """
 
     mm: Array  # (n,)
@@ -150,7 +150,7 @@ def overlap(tip: Array, outline: Array) -> Array:
 
 
 def start_mm(sets: list[Recorded]) -> float:
-    """How far recorded tips start from contact, where they should start [mm]: 68.3 % start nearer."""
+    """Distance from contact within which 68.3 % of recorded tips start [mm]; all should start in contact."""
     off_mm = np.abs(np.concatenate([each.overlap_mm for each in sets]))
     return round(float(np.quantile(off_mm, 0.683)), 3)
 
@@ -216,7 +216,7 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
 
 
 def by_load(job: Job, end: Callable[[Simulator], Array]) -> dict[str, Array]:
-    """Displacements (n, 3) by load: `end` computes them from a simulator of the job with the load."""
+    """Displacements (n, 3) that `end` computes with a simulator of the job, under each of `LOADS`."""
     jobs = {name: job.replaced(pressure=load) for name, load in LOADS.items()}
     return {name: end(Simulator.of_job(loaded, 1)) for name, loaded in jobs.items()}
 
@@ -232,7 +232,8 @@ def squeezed(path: Path) -> dict[str, Array]:
 def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
     """Shares of parts that end elsewhere with the load `area`, and `quartic`, than with the load `rim`.
 
-    Parts that nothing touches are left out. The result also has their number and their median way.
+    Parts that nothing touches are left out. The result also has the number of parts that are moved, and their
+    median displacement.
     """
     moved = {load: np.concatenate([each[load] for each in all_moved]) for load in LOADS}
     touched = moved["rim"].any(axis=1)
@@ -273,7 +274,7 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
 
 
 def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
-    """How easily a part turns, relative to how easily it slides: for three loads, and by its pairs."""
+    """How easily a part turns, relative to how easily it slides, by three loads and by its recorded pairs."""
     rho = radius_of_gyration(pushes.outline)
     area, weights = support(Pressure("uniform", DRAWS), pushes.outline)
     loads = {
@@ -301,9 +302,8 @@ def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str
 def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArray:
     """Mask (S, n, 3): whether measured x, y and angle lie in central intervals of random pushes.
 
-    The S intervals hold the shares `SHARES` of the random pushes.
-
-    Only every push number k * `EVERY` is drawn, `DRAWS` times, with the scatter that the job states.
+    Every `EVERY`-th recorded push is drawn `DRAWS` times, with the scatter that the job states. The S
+    intervals hold the shares `SHARES` of these draws.
     """
     rows = np.arange(0, len(pushes.moved), EVERY)
     many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))

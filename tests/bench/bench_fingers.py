@@ -241,7 +241,7 @@ def identified(
 def pushes(folder: Path) -> Iterator[Push]:
     """Reads the runs of the robot and yields their pushes.
 
-    A push is what follows the last jump of the hand in an action, which brings the hand to its start.
+    In an action of a run, the hand first jumps to where the push starts; the push is what follows.
     """
     for path in sorted((folder / "robot_runs").glob("*.csv")):
         rows = np.loadtxt(path, delimiter=",")
@@ -287,9 +287,9 @@ def turn(angle: float) -> Array:
 
 
 def runs(folder: Path) -> dict[str, Any]:
-    """Computes the robot's pushes at several frictions; returns the shares that end rightly.
+    """Computes the robot's pushes at several frictions; returns shares that end near the measured pose.
 
-    An end is right near the measured one; or, by a second count, within the spread of the push's group.
+    A second share also counts ends within the spread of the push's group.
     """
     groups: defaultdict[str, list[Push]] = defaultdict(list)
     for push in pushes(folder):

@@ -2,7 +2,7 @@
 
     python tests/bench/bench_first_answers.py [--sample 60] [--seed 50] [--budget 60s]
 
-Each outline is written as CSV and tried as a user would, in a separate process. Four things are checked: the
+Each outline is written as CSV and tried as by a user, in a separate process. Four things are checked: the
 command ends with exit code 0 and a verdict; it ends within the budget and `SPARE_S` seconds more, for all
 that is not search; the shares of its answer add up to 1; the verdict, the weakest world and the conditions do
 not contradict each other.

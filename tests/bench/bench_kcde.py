@@ -47,7 +47,7 @@ def estimate(count: int) -> tuple[Kcde, RollOuts]:
 def with_scipy(
     rows: RollOuts, rho: float, order: int
 ) -> Callable[[np.ndarray, np.random.Generator], np.ndarray]:
-    """Returns a function that draws final poses as the kernel does, but by scipy.
+    """Returns a function that draws final poses as our kernel does, but with scipy.
 
     For each pose it takes the nearest 400 points, picks one of them by its weight, and adds noise.
     """

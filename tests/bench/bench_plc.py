@@ -5,7 +5,7 @@
     python tests/bench/bench_plc.py --modbus 100
     python tests/bench/bench_plc.py --opc-ua 100 [--node-modules FOLDER/node_modules]
 
-The first form simulates a PLC in virtual time, on the same station as the server's. Exchanges are dropped,
+The first form simulates a PLC in virtual time, with the station that the server uses. Exchanges are dropped,
 doubled, late or reordered. The second runs parts over Modbus TCP through the command, by pymodbus' client, by
 libmodbus and by the structured text of tools/docs/plc.md. The third runs parts over OPC UA: by asyncua's
 client on an encrypted channel, or by node-opcua's, if its folder of modules is stated (`npm install

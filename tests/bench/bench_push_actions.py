@@ -2,10 +2,10 @@
 
     python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
 
-Each case is a job of `trees/`, with proposals, in its own jaws or in narrower ones. It is planned both ways,
-with several seeds. Prints the cell's squeezes, seconds and success, the crashes of an open finger, and the
-processor time of planning. Writes `results/push_actions.json` beside this file; cases that are not named stay
-in it. Not part of `tools/check`.
+Each case is a job of `trees/`, with proposals, in its own jaws or in narrower ones. It is planned with pushes
+and without, each with several seeds. Prints the cell's squeezes, seconds and success, the crashes of an open
+finger, and the processor time of planning. Writes `results/push_actions.json` beside this file; cases that
+are not named stay in it. Not part of `tools/check`.
 """
 
 import time

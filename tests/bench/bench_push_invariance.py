@@ -20,7 +20,7 @@ RESULTS = harness.Kept("push_invariance")
 
 
 def microseconds(outline: np.ndarray, n: int) -> float:
-    """Mean processor time of one of n random pushes [us]."""
+    """Mean processor time of n random pushes [us]."""
     part, (poses, opening) = simulator(outline), scattered(outline, n, 1)
     start = time.process_time()
     pushed(part, poses, opening, WAY_MM, 1)

@@ -3,14 +3,14 @@
     python tests/bench/bench_pushes.py --data FOLDER
 
 FOLDER holds two push logs, `hardboard_3pts3.txt` and `plywood_3pts1.txt` (as `plan-identify` reads them), and
-`two_fingers.csv`. The latter has one push a line, in the columns that `plan-simulate --push` reads, and in
+`two_fingers.csv`. This table has one push a line, in the columns that `plan-simulate --push` reads, and in
 the columns `support` (3pts1, 3pts3 or patch), `run` and `index`. Its columns `moved_x_mm`, `moved_y_mm` and
 `turned_deg` are what was measured. If there is a file `two_fingers_more.csv` of further runs, it is judged,
 too.
 
 A single finger pushes in the logs. Friction and the scatter of the limit surface are fitted to them: friction
-by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the coverage of 90
-% intervals. The pushes with two fingers are only judged.
+by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the coverage of
+90 % intervals. The pushes with two fingers are only judged.
 
 Prints figures and writes `results/pushes.json`. Not part of `tools/check`.
 """

@@ -91,7 +91,7 @@ def part_of(name: str) -> str | None:
 
 
 def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Mean figures of each gripper, over the names that both locate by a search that was not cut short."""
+    """Mean figures of each gripper, over the parts that both locate by searches that were not cut short."""
     located = [row for row in rows if row["kind"] is None and not row["cut"]]
     by_gripper = {
         gripper: {row["name"]: row for row in located if row["gripper"] == gripper}

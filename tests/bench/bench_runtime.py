@@ -87,7 +87,7 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
 
 
 def rise(seen: list[dict[str, float]], name: str) -> float:
-    """The highest value in the last quarter of a run, less the highest in the second quarter."""
+    """The highest value of `name` in the last quarter of a run, less the highest in the second quarter."""
     quarter = max(len(seen) // 4, 1)
     second = seen[quarter : 2 * quarter] or seen
     return max(s[name] for s in seen[-quarter:]) - max(s[name] for s in second)

@@ -5,9 +5,9 @@
 The forecast is that of `plan-evaluate`: fresh trials, timed by the table's model of time. The cell is that of
 `grasp-runtime --port sim --time-scale max`, whose devices take their own times.
 
-The 95th percentile of so few parts scatters, most of all where few paths of the tree are much longer than the
-others. Two figures show how much. The forecast states the 95 % interval of the percentile. The model of time
-is also applied to the very squeezes that the cell made.
+The 95th percentile of a few hundred parts scatters, most of all where few paths of the tree are much longer
+than the others. Therefore the forecast states the 95 % interval of the percentile, and the model of time is
+also applied to the very squeezes that the cell made.
 
 Writes `results/seconds.json`, and prints it as a table.
 """

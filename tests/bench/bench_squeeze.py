@@ -127,7 +127,7 @@ def goldberg() -> Row:
 
 
 def speed() -> list[Row]:
-    """Measures squeezes a second on one core, and how many times those of scipy and MuJoCo this is."""
+    """Measures squeezes a second on one core, and the ratios to those of scipy and MuJoCo."""
     table = []
     for name, count in (("rectangle", 20_000), ("butterfly", 10_000)):
         outline = OUTLINES[name]()
@@ -182,7 +182,7 @@ def _timed(call: Callable[[], object]) -> float:
 
 
 def first_call() -> Row:
-    """Measures the first squeeze of a fresh process [s], with an empty and with a filled kernel cache."""
+    """Measures how long a process takes for its first squeeze, with an empty and a filled kernel cache."""
     seconds = []
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"SQUEEZETREE_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)}

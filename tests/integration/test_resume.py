@@ -72,7 +72,7 @@ Runs = Callable[[Table, int], Iterator[Killed]]
 
 @pytest.fixture
 def killed(some: Some, tmp_path: Path) -> Runs:
-    """A function that yields runs of a table, each killed at another moment, after their last motion."""
+    """A function that yields runs of a table, each killed at another moment; no device moves any more."""
 
     def runs(table: Table, step: int) -> Iterator[Killed]:
         for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), step):

@@ -1,4 +1,4 @@
-"""Real processes are killed, or their journal is truncated, while the cell runs on; then others follow."""
+"""Processes of runs are killed, or their journal is truncated; the cell goes on, and other runs follow."""
 
 import os
 import shutil

@@ -203,7 +203,7 @@ def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
 
 
 def meets(outline, pose, width_mm, jaws, share):
-    """The slow twin: whether jaws closed to a width overlap a part in the hand frame, by a fine raster."""
+    """The slow twin: whether jaws closed to a width overlap a part, by points along the part's edges."""
     corners = place(outline, pose)
     ends = np.roll(corners, -1, axis=0)
     edge = np.concatenate(

@@ -73,7 +73,7 @@ def random_problem(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.
 
 @pytest.mark.parametrize("kind", ["P", "degenerate semidefinite", "integer"])
 def test_lemke_random_problem_agrees_with_all_bases(kind):
-    """With P and semidefinite matrices it finds any solution; with other matrices it does not cycle.
+    """P and semidefinite problems with a solution are solved; on other problems the method never cycles.
 
     Cottle, Pang & Stone, The Linear Complementarity Problem (1992), theorems 3.3.7 and 4.4.1.
     """

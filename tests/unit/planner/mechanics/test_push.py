@@ -43,7 +43,7 @@ def test_push_through_the_centre_carries_the_part_along():
 
 
 def test_push_disc_by_frictionless_point_follows_the_closed_form():
-    """By d(phi)/ds = sin(phi) / R; phi is the angle from the push to the direction of the disc's centre."""
+    """The form is d(phi)/ds = sin(phi) / R; phi is the angle from the push to the direction of the centre."""
     radius, way = 13.0, 6.0
     outline = regular_polygon(720, radius)
     for degrees in (10.0, 30.0, 50.0):

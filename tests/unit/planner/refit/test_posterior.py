@@ -52,8 +52,7 @@ def drawn(monkeypatch, truth, seed):
 
     Returns:
         The values that the mean readings stand for (3,), the number of parts that read 100 at the last node,
-        and
-        the drawn cells.
+        and the drawn cells.
     """
     run = Plain().run(truth, PARTS, 1000 + seed)
     counts = readings(run, TABLE)

@@ -45,9 +45,9 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Yields, for both orientations of the hand, where the fingers meet the block evenly, and grips about it.
+    """Yields for both orientations of the hand: where both fingers meet the block at once, and grips nearby.
 
-    The block is `block_mm` off; `read` turns the opening of the fingers into a reading.
+    The block is `block_mm` off the middle; `read` turns the opening of the fingers into a reading.
     """
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):

@@ -37,7 +37,7 @@ def test_hand_raises_force_until_current_reaches_limit(grip_current_ma, raises):
 
 
 def known_table() -> Table:
-    """The small table with a job, whose part is 16 mm high; the second squeeze opens to 50 mm."""
+    """The small table with a job: the part is 16 mm high, and the second squeeze opens to 50 mm."""
     job = '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
     table = with_job(small_table(), job)
     return changed(table, {"nodes.1.contact_um": 42_000, "nodes.1.squeeze.opening_um": 50_000})

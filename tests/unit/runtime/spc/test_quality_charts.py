@@ -102,7 +102,7 @@ def test_g_test_chart_alarms_only_at_changed_branch_shares():
 
 
 def test_watch_healthy_cell_raises_at_most_one_alarm():
-    """By tests/bench/drift_trials.py, 100 000 parts raise about four false alarms; here are 4000 parts."""
+    """By tests/bench/drift_trials.py, 100 000 parts raise about four false alarms; here 4000 parts run."""
     parts = [drawn(TABLE, 2000, np.random.default_rng(seed)) for seed in range(2)]
     assert sum(len(watch(history(TABLE, each))) for each in parts) <= 1
 

@@ -239,7 +239,7 @@ def parts(goal):
 
 
 def audit_of_several(lies, said, *subjects, predicted=POSE):
-    """The audit's answer if part number `lies` lies there and the table names the part `said`."""
+    """The audit's answer if the part of number `lies` is in view and the table names the part `said`."""
     picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
     auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
     return auditor.audit(3, predicted, time.monotonic() + 1.0, said)
