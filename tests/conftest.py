@@ -24,9 +24,9 @@ settings.load_profile("tests")
 
 # The tests have other work for every core; threads of linear algebra would wait for one another, spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Nor does a process that is forked have OpenCV's threads: it would wait for them for ever.
+# A forked process does not have OpenCV's threads, and would wait for them for ever.
 os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
-# Commands are tested as users start them: with it, nothing is ever left over that could be lost at the end.
+# Users start commands without it. With it, no output is buffered, so that none could be lost at the end.
 os.environ.pop("PYTHONUNBUFFERED", None)
 
 

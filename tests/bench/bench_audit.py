@@ -52,7 +52,7 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
         dump(mixed(load(TABLE).table), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
         result = run_loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
-    # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
+    # At many times real speed a busy machine misses deadlines; a reason's first word names the device.
     faults = Counter(reason.partition(" ")[0] for reason in result.faults)
     record = {"outcomes": dict(result.outcomes), "faults": dict(faults), "time_scale": time_scale}
     return agreement(result.parts) | record | {"calibration": fitted}

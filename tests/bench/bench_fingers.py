@@ -47,12 +47,12 @@ RESULTS = harness.Kept("fingers")
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
 MARGIN_MM = 0.1
-# By how many contacts are near: so short that no event need end a step.
+# Step for 0, 1, 2 and 3 near contacts: so short that no event need end it.
 STEPS_MM = (0.05, 0.01, 0.01, 0.001)
 TRIANGLE_A = [[1.06868, 0.01242, -0.16074], [0.01242, 1.06166, -0.01284]]
 TRIANGLE_A += [[-0.16074, -0.01284, 4.58574]]
 FIT_EVERY = 3  # Every third squeeze is fitted
-# Of the fit: its loss, its differences, the length of each round.
+# Of the fit: scale of the loss, limit of an error, steps of the differences, evaluations with each step.
 SCALE_MM, MOST_MM, STEPS, LOOKS = 0.1, 3.0, (0.05, 0.02, 0.005), 14
 CUT = 5.0
 """Net force up to which a sequence of LCPs ends early, per mm of closing, in units of the quartic's scale."""

@@ -22,8 +22,8 @@ from runtime.table import Table
 
 BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here
-RARE = 1e4  # parts to a false alarm that a drift must be told apart at
-POOL = 40_000  # parts that the shares of a drift are counted in; for the planned ones five times as many
+RARE = 1e4  # healthy parts to one false alarm, for the bound
+POOL = 40_000  # parts of a drift whose readings are counted; of the healthy cell five times as many
 FRICTIONS = ((0.05, 0.15), (0.2, 0.3), (0.28, 0.42), (0.34, 0.51), (0.46, 0.69), (0.5, 0.75))
 FRICTIONS += ((0.6, 0.8), (0.7, 0.9), (0.8, 1.0))
 DRIFTS = {

@@ -190,7 +190,7 @@ def test_command_output_that_is_no_regular_file_is_refused(desk, refuses, comman
 
 
 def test_command_output_named_by_job_or_named_twice_is_refused(desk, refuses):
-    """The job names the surface that plan-identify measured."""
+    """An output may be neither the surface file that the job names, nor the file of another output."""
     surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
     stated = 'kind = "boundary"'

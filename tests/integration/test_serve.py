@@ -1,4 +1,4 @@
-"""`grasp-runtime --serve` answers an asking robot as a driven run decides, and as the page says."""
+"""`grasp-runtime --serve` gives a robot the answers of a driven run, as tools/docs/serve.md says."""
 
 import re
 import shutil

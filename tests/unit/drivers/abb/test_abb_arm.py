@@ -26,7 +26,7 @@ def rig():
 
 @pytest.fixture
 def impatient(monkeypatch):
-    """Shorten the wait for an answer, and the second wait after the process itself was stopped."""
+    """Shorten both time limits of an answer: that of a real controller, and that of a simulated one."""
     monkeypatch.setattr(abb_arm, "ANSWER_S", 0.4)
     monkeypatch.setattr(abb_arm, "STARVED_S", 0.4)
 

@@ -1,4 +1,4 @@
-"""A table takes over the figures of its evaluation, and what they say of its leaves."""
+"""A table takes over the figures of its evaluation; leaves that these figures refute become unresolved."""
 
 from dataclasses import replace
 from random import Random

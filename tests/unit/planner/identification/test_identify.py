@@ -110,7 +110,7 @@ def test_identify_command_refuses_bad_input_in_one_line(tmp_path):
 
 
 def scaled_at_random(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
-    """The pairs, each wrench and each twist multiplied by a random factor: only directions stay."""
+    """The pairs, each wrench and each twist multiplied by a random factor, which keeps its direction."""
     rng = np.random.default_rng(seed)
     factors = np.exp(rng.normal(scale=2.0, size=(2, len(pairs.weights), 1)))
     return pairs._replace(wrenches=factors[0] * pairs.wrenches, twists=factors[1] * pairs.twists)

@@ -166,7 +166,7 @@ def test_squeeze_mirrored_or_half_turned_scene_ends_likewise(name):
 
 @pytest.mark.parametrize("step_mm", [0.05, 0.4])
 def test_squeeze_part_thinner_than_a_step_is_grasped(step_mm):
-    """A part of 30 x 0.15 mm, while fingers close by up to 0.8 mm a step, is held flat."""
+    """A part of 30 x 0.15 mm is held flat, although the fingers close by up to 0.8 mm a step."""
     part = simulator(sliver(), step_mm=step_mm)
     _, widths, statuses = squeeze(part, [[0.0, 5.0, 0.0], [2.0, -3.0, math.pi], [0.0, 0.0, 0.1]])
     assert statuses == ["grasped"] * 3

@@ -1,4 +1,4 @@
-"""Calibrations pass through every block, never fall, beat the linear map, and are refused if changed."""
+"""A calibration passes through its gauge blocks, never falls, beats the linear map; its file is checked."""
 
 import io
 import json

@@ -17,7 +17,7 @@ LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
 class ForeignError(Exception):
-    """An error of a foreign library, which also gives its exceptions exit codes."""
+    """An error of a foreign library that has an attribute `exit_code`, as the project's errors do."""
 
     exit_code = 21
 

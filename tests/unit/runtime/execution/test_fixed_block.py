@@ -93,7 +93,7 @@ STANDING = Block(BLOCK_MM, 12.0, -7.0)
 
 
 class Rig:
-    """A simulated cell with a fixed block in place of parts, and a hand that uses its real protocols."""
+    """A simulated cell with a fixed block in place of parts, and a hand that speaks the cell's protocols."""
 
     def __init__(self, block=STANDING, middle_mm=1.5):
         self.table = small_table()

@@ -84,7 +84,7 @@ def test_journal_in_segments_reads_the_same_as_in_one_file(pair):
 
 
 def test_broken_run_of_last_part_equals_that_of_all_records(tmp_path):
-    """The run may break off after any line."""
+    """After whichever line the run breaks off, the records of its last part say the same as all records."""
     for cut in count(1):
         path = tmp_path / f"{cut}.jsonl"
         write_run(path, segment_bytes=1)
