@@ -101,7 +101,7 @@ def test_evaluate_each_width_follows_decision_map() -> None:
 
 
 def small_job(path: Path, *change: str) -> Path:
-    """A job that is planned in seconds."""
+    """Writes a job that is planned in seconds, with some changes."""
     return quick_job(path, "particles = 200\nmax_depth = 3", *change)
 
 

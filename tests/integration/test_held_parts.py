@@ -20,7 +20,7 @@ RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
 
 
 class Station:
-    """A simulated cell in this process; a run that gets a signal is a separate process."""
+    """A simulated cell in this process. Runs that get a signal are separate processes."""
 
     def __init__(self, tree: Path) -> None:
         self.tree, self.journal = tree, tree.with_name("journal.jsonl")

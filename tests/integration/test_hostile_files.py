@@ -273,7 +273,7 @@ def test_export_and_simulate_to_stdout_print_only_rows(
 
 
 def test_port_lock_other_name_of_locked_port_is_refused(desk, monkeypatch, capfd):
-    """The lock does not depend on XDG_RUNTIME_DIR, nor on the files in it."""
+    """The lock depends neither on XDG_RUNTIME_DIR, nor on the files in that folder."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))

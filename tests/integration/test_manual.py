@@ -111,7 +111,7 @@ def test_grasp_runtime_manual_ctrl_c_stops_and_earlier_input_is_ignored(words, t
 
 
 class Person:
-    """A person who gives the same answer to all questions, which are recorded."""
+    """A person who gives the same answer to all questions; the questions are recorded."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: str = "") -> None:
         self.heard: list[str] = []

@@ -170,7 +170,7 @@ def test_abort_after_kill_ends_run_in_journal_and_moves_nothing(killed):
 
 
 def whole_kinds(path: Path) -> list[str]:
-    """The kinds of the records before a torn line."""
+    """The kinds of a journal's records; a torn line at the end is left out."""
     data = path.read_bytes() if path.exists() else b""
     whole = path.with_suffix(".whole")
     whole.write_bytes(data[: data.rfind(b"\n") + 1])

@@ -26,7 +26,7 @@ POSE = ("x_mm", "y_mm", "theta_rad")
 
 
 def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> list[object]:
-    """The answers that a client gets for a number of parts."""
+    """The answers that `locate`, a client's function, gets for a number of parts."""
     lines = []
     for _ in range(parts):
         robot.cell.scene.next_part()

@@ -62,7 +62,7 @@ particles = 400
 
 
 def squares(small: float, large: float) -> str:
-    """The entries of two squares with these sides [mm]."""
+    """The TOML of two hypotheses, squares with these sides [mm]."""
     one = SQUARE.format(name="small", share=0.3, side=small)
     return one + SQUARE.format(name="large", share=0.7, side=large)
 
@@ -147,7 +147,7 @@ def test_tried_foreign_parts_are_counted_by_outcome(plan):
 
 
 def test_plan_evaluate_foreign_parts_are_generated_for_each_part(plan, tmp_path):
-    """For each of the two squares: a smaller one, a larger one, a disc and a rectangle."""
+    """For each of the two squares: a smaller and a larger square, a disc and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
     words = (tree, "--foreign-parts", "--trials", "200", "--json")

@@ -1,4 +1,4 @@
-"""Random pushes by hand: the end hardly depends on how they are computed, and never overlaps the fingers.
+"""Random pushes by hand end nearly alike however they are computed, and never with the part in a finger.
 
 `tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """

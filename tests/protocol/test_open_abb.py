@@ -131,7 +131,7 @@ def test_arm_model_buffer_holds_512_and_drops_rest(arm):
 
 
 class Served:
-    """A server at 50 times real time, and its clients."""
+    """A simulated controller at 50 times real time, and its clients."""
 
     def __init__(self):
         self.model = ArmModel(BASE)

@@ -1,4 +1,4 @@
-"""Frames printed in the manuals of the 2F-85, byte for byte: the driver sends, the simulator answers them.
+"""Frames printed in the manuals of the 2F-85, byte for byte: the driver sends and the simulator answers them.
 
 The frames are those of `[M16]` p61-67 and `[M18]` p54, 62, and include their CRCs.
 """

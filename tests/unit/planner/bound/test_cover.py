@@ -1,4 +1,4 @@
-"""The cover bounds the number of poses that one prediction can locate, and is nearly reached."""
+"""The cover bounds the number of poses that one prediction can locate; the bound is nearly reached."""
 
 import itertools
 

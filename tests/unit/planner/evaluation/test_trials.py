@@ -142,7 +142,7 @@ def test_turned_table_ends_as_the_table_does_for_turned_parts(job, turn_urad):
 
 def test_evaluate_part_under_a_finger_crashes_without_a_squeeze(job):
     class Blocked(Wrung):
-        """Half of the parts lie under a finger and are never squeezed."""
+        """A world in which a finger stands on about half of the parts, so that they are never squeezed."""
 
         def collides(self, pose, opening_mm):
             return pose[0] > 0.0

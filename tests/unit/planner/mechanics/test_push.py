@@ -66,7 +66,7 @@ def test_push_part_in_a_cage_turns_about_the_pusher_centre():
 
 @pytest.mark.parametrize("angle", [0.3, -0.3])
 def test_push_sticking_fingers_move_the_part_as_commanded(angle):
-    """The centre of rotation is so far to the side that the wrench lies well within the friction cones."""
+    """The hand turns about a point so far to the side that the forces lie well within the friction cones."""
     centre = (math.copysign(90.0, -angle), 0.0)
     pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=centre, angle=angle)
     result = pushed(rectangle(), pushes, 1.0)

@@ -1,4 +1,4 @@
-"""Projection onto subspaces: to the nearest pose by brute force, and unchanged when repeated."""
+"""Projection onto subspaces gives the nearest pose, as by brute force; repeating it changes nothing."""
 
 import math
 

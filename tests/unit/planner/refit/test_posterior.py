@@ -1,4 +1,4 @@
-"""The posterior where the likelihood is known: its draws have the moments of the exact one."""
+"""If the likelihood is known, draws of the posterior have the moments of the exact posterior."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""The studio's scripts in Chromium: the film and its player, radii by keys, texts, and the page."""
+"""The studio's scripts in Chromium: the film and its player, radii set by keys, texts, and the page."""
 
 import fcntl
 import json

@@ -94,7 +94,7 @@ def test_validate_figures_fewer_squeezes_than_parts_pass():
 
 
 def test_validate_figures_of_any_evaluation_pass():
-    """Errors are drawn at random, and their quantiles interpolated as the planner does."""
+    """The figures are those of random errors; quantiles are interpolated as the planner does."""
     rng = np.random.default_rng(0)
     for trials in [*range(1, 60), 400]:
         errors = rng.exponential(rng.uniform(200, 2_500), trials)

@@ -60,7 +60,7 @@ def test_read_double_and_crossing_lines_return_the_plate(tmp_path, draw):
 
 
 def test_read_arc_drawn_as_several_curves_is_one(tmp_path):
-    """A half disc as an ARC, as a bulge in the other direction, and as a spline."""
+    """The same half circle is drawn as an ARC, as a bulge in the other direction, and as a spline."""
 
     def draw(space, _):
         space.add_line((0, 0), (40, 0))
