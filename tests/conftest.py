@@ -1,4 +1,4 @@
-"""What every test needs of its process."""
+"""For every test: signals, environment and settings of the process, and common fixtures."""
 
 import os
 import signal
@@ -24,9 +24,9 @@ settings.load_profile("tests")
 
 # The tests have other work for every core; threads of linear algebra would wait for one another, spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Nor does a process that is forked have OpenCV's threads: it would wait for them for ever.
+# A forked process does not have OpenCV's threads, and would wait for them for ever.
 os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
-# Commands are tested as users start them: with it, nothing is ever left over that could be lost at the end.
+# Users start commands without it. With it, no output is buffered, so that none could be lost at the end.
 os.environ.pop("PYTHONUNBUFFERED", None)
 
 
@@ -35,7 +35,10 @@ USUAL = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALR
 
 @pytest.fixture(autouse=True)
 def _handlers() -> Iterator[None]:
-    """Commands that are their process's last leave signals ignored, in a fixture of any scope too."""
+    """Restores the signal handlers before and after each test.
+
+    Commands that end their process leave signals ignored, also if a fixture runs them.
+    """
     _handle_as_usual()
     yield
     _handle_as_usual()

@@ -1,12 +1,15 @@
-"""How often the verdict of `grasp-audit study` is wrong, looked at after each part; not part of the gate.
+"""Measures how often the verdict of `grasp-audit study` is wrong if it is evaluated after each part.
 
     python tests/bench/bench_acceptance.py [--cells 1000] [--parts 4000]
 
-Prints figures and writes `results/acceptance.json` beside this file. Each cell has a true share of failures
-and runs until its first verdict: shares spread evenly, on a logarithmic scale, from a quarter of the limit to
-four times it; and shares at the limit itself, where either verdict counts as wrong, which is the worst case.
-Some parts are stopped by the operator, and of some the audit tells nothing. The last cells squeeze parts by
-the contact simulation, each with a friction and an error of the encoder that all its parts meet.
+Each simulated cell has a true share of failed parts, and runs until the study's first verdict on it. There
+are three kinds of cells. In the first, the true share lies between a quarter of the study's limit and four
+times the limit, evenly on a logarithmic scale. In the second, it equals the limit, and either verdict counts
+as wrong: the worst case. In both, the operator stops some parts, and some audits have no result. Cells of the
+third kind squeeze parts by the contact simulation, each with one friction and one error of the encoder for
+all its parts.
+
+Prints the figures and writes `results/acceptance.json` beside this file. Not part of `tools/check`.
 """
 
 from collections import Counter
@@ -31,7 +34,15 @@ CONTACT, CONTACT_PARTS, OFFSET_MM = "rectangles squeezed by cells that are off",
 
 
 def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> dict[str, Any]:
-    """Verdicts on so many cells of a kind."""
+    """Counts the right, wrong and missing verdicts on many simulated cells; returns a row of the results.
+
+    Args:
+        kind: how the true shares of failures are drawn: `SPREAD` or `AT_LIMIT`.
+        limit: the study's limit on the share of failures.
+        unseen: share of parts whose audit has no result.
+        cells: number of cells.
+        parts: most parts of a cell.
+    """
     counted: Counter[str] = Counter()
     for cell in range(cells):
         seeds = [round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
@@ -44,7 +55,7 @@ def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> d
 def summary(
     kind: str, limit: float, unseen: float, cells: int, parts: int, counted: Counter[str]
 ) -> dict[str, Any]:
-    """A row of the results."""
+    """A row of the results: the settings, the counts of verdicts, and the share of wrong ones."""
     wrong = counted["wrong"]
     return {
         "shares": kind,
@@ -59,9 +70,10 @@ def summary(
 
 
 def measure_contact(limits: tuple[float, ...], cells: int) -> list[dict[str, Any]]:
-    """Verdicts on simulated cells whose encoder and friction are off, each by as much for all its parts.
+    """Counts verdicts on cells of the contact simulation; returns a row of the results for each limit.
 
-    A cell's true share is that of 20 000 parts; parts are looked at in their order.
+    Each cell has one friction and one error of the encoder for all its parts. Its true share of failures is
+    that of 20 000 parts; the study then sees these parts in order.
     """
     table = load(TABLE).table
     job = load_job(JOB)
@@ -82,7 +94,7 @@ def measure_contact(limits: tuple[float, ...], cells: int) -> list[dict[str, Any
 
 
 def main() -> None:
-    """Measure all kinds, print them and keep them."""
+    """Measures all kinds of cells, prints the rows and writes them to the file of results."""
     parser = harness.parser(__doc__)
     parser.add_argument("--cells", type=int, default=1000)
     parser.add_argument("--parts", type=int, default=4000)

@@ -1,15 +1,19 @@
-"""The audit in a whole simulated cell, and its charts on cells that drift; not part of the gate.
+"""Measures the audit in a whole simulated cell, and how fast its control charts flag cells that drift.
 
     python tests/bench/bench_audit.py [--parts 200] [--blocks 40] [--runs 200] [--expected F]
 
-Prints figures and writes `results/audit.json` beside this file.
+Prints figures and writes `results/audit.json` beside this file. Not part of `tools/check`.
 
-loop: the camera is calibrated by `grasp-calibrate camera` and `tag` from the pictures of `grasp-cell
---camera-views`; then every part goes through table, `grasp-runtime --audit`, Modbus gripper, arm, rendered
-camera and `grasp-audit judge`, each in its own process and protocol. Some leaves of the table are wrong. The
-verdicts in the journal are compared with where the world says the parts are.
-drift: parts run in the contact world through the table, watched by all charts of `grasp-audit report` with
-the readings expected by `plan-expect`; from part 300 on something is wrong (`drift_trials.py`).
+loop: `grasp-calibrate camera` and `tag` calibrate the camera from the pictures of `grasp-cell
+--camera-views`. Then parts run through `grasp-runtime --audit` in a simulated cell that speaks the real
+protocols. Its camera is rendered, and some leaves of its table are wrong. The verdicts in the journal are
+compared with the true poses of the parts.
+
+healthy: parts of a healthy cell run through the table in the contact world. All alarms of the charts of
+`grasp-audit report` are false and are counted.
+
+drift: after 300 healthy parts something in the cell changes (`drift_trials.py`). The parts until the first
+alarm are counted. Here and for `healthy`, the charts use the readings that `plan-expect` expects.
 """
 
 import argparse
@@ -41,21 +45,21 @@ WHAT = ("loop", "healthy", "drift")
 
 
 def loop(parts: int, time_scale: float) -> dict[str, Any]:
-    """Runs parts through the whole cell; a run that ends in a fault is followed by another."""
+    """Runs parts through the whole cell, again after a fault; returns figures of audits and calibration."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         fitted = calibrated(folder)
         dump(mixed(load(TABLE).table), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
         result = run_loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
-    # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
+    # At many times real speed a busy machine misses deadlines; a reason's first word names the device.
     faults = Counter(reason.partition(" ")[0] for reason in result.faults)
     record = {"outcomes": dict(result.outcomes), "faults": dict(faults), "time_scale": time_scale}
     return agreement(result.parts) | record | {"calibration": fitted}
 
 
 def calibrated(folder: Path) -> dict[str, float]:
-    """Calibrates the cell's camera and its part's tag by our own commands; how far off they are."""
+    """Calibrates the cell's camera and the part's tag by our own commands; returns their errors."""
     cell = ended([*CELL, "--tree", TABLE, "--camera-views", folder], timeout=None)
     for line in cell.out.splitlines():
         if called(calibrate, *shlex.split(line)[1:]).code:
@@ -72,7 +76,7 @@ def calibrated(folder: Path) -> dict[str, float]:
 
 
 def drift(options: argparse.Namespace) -> Iterator[tuple[str, Any]]:
-    """False alarms of a healthy cell, and how soon each drift is flagged."""
+    """Yields name and figures of each chosen study: `healthy` for false alarms, `drift` for delays."""
     table = load(TABLE).table
     job = job_file.from_canonical(str(table.job))
     with tempfile.TemporaryDirectory() as name:
@@ -88,7 +92,7 @@ def drift(options: argparse.Namespace) -> Iterator[tuple[str, Any]]:
 
 
 def main() -> None:
-    """Runs the benchmark."""
+    """Runs the chosen studies and adds their figures to the file of results."""
     parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=200)
     parser.add_argument("--time-scale", type=float, default=5.0)

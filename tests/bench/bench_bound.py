@@ -1,10 +1,10 @@
-"""How near the best the plans are: bounds of Table I's jobs and of the zoo; not part of the gate.
+"""Compares the plans of the jobs in `trees/` with the fewest squeezes that any plan as good needs.
 
     python tests/bench/bench_bound.py [--only rectangle t-bolt] [--parts 50000] [--dense]
 
-Compiles each job of `trees/`, or takes the table there or the one that an earlier run left in
-`out/tables-12`, and proves how many squeezes any plan as good takes at least. Prints figures and writes
-`results/bound.json` beside this file; rows of jobs that are not measured again stay.
+The plan of a job is its table in `trees/`, else the table that an earlier run left in `out/tables-12`, else a
+new one. Prints figures and writes `results/bound.json` beside this file; rows of jobs that are not measured
+again stay. Not part of `tools/check`.
 """
 
 import time
@@ -21,7 +21,7 @@ TABLE1 = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 
 
 def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
-    """One job: its plan and its bound."""
+    """Computes the lower bound for a job's table; returns a row with the bound and the mean squeezes."""
     job = job_file.load(TREES / name / "job.toml")
     table = table_of(name).table
     start = time.process_time()

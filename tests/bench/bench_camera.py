@@ -1,10 +1,13 @@
-"""How well the camera measures, on rendered pictures; not part of the gate.
+"""Measures how exactly the camera locates tags on rendered pictures.
 
     python tests/bench/bench_camera.py [--pictures 500] [--limits 200]
 
-Prints figures and writes `results/camera.json` beside this file. Pictures are 1920 x 1080, tags 22 mm across,
-the camera 600 mm under the table; each is measured with the true calibration and with one that
-`grasp-calibrate camera` makes of rendered board views. One core.
+Pictures have 1920 x 1080 pixels. Tags are 22 mm across; the camera sees them from 600 mm below the table.
+The tags on `--pictures` ordinary pictures are measured twice: with the true calibration, and with one that
+`grasp-calibrate camera` makes from rendered views of boards. For each of several flaws, such as blur, the
+tags on `--limits` pictures are measured with the true calibration alone.
+
+Uses one core. Prints figures and writes `results/camera.json` beside this file. Not part of `tools/check`.
 """
 
 import contextlib
@@ -53,7 +56,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 
 def calibrated(folder: Path, seed: int) -> dict[str, Any]:
-    """Calibrates with our own command, from rendered pictures of boards and places; its figures."""
+    """Calibrates the camera from rendered pictures by our own command; returns the calibration's figures."""
     camera, _ = album.write(standard_rig(), folder, seed)
     if calibrate_command.main(shlex.split(camera)):
         raise SystemExit("the calibration was refused")
@@ -68,7 +71,7 @@ def calibrated(folder: Path, seed: int) -> dict[str, Any]:
 
 
 def poses(rng: np.random.Generator, view: View, count: int) -> list[tuple[float, float, float]]:
-    """Poses all over what the camera sees, tags and their margins inside the picture."""
+    """Random poses of tags [mm, mm, rad] all over the picture; each tag is in view with its margin."""
     reach = 0.5 * SIDE_MM * 1.25 * np.sqrt(2.0)
     rim = np.array([(x, y) for x in (-reach, reach) for y in (-reach, reach)])
     results = []
@@ -83,7 +86,7 @@ def poses(rng: np.random.Generator, view: View, count: int) -> list[tuple[float,
 def shot(
     rng: np.random.Generator, pose: tuple[float, float, float], number: int, flaws: dict[str, Any]
 ) -> Any:
-    """A picture of one tag."""
+    """Renders the tag of a number at a pose; `flaws` replace the ordinary flaws of the picture."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
     heading, motion_px = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0)
     speed = motion_px * 600.0 / OPTICS.focal
@@ -99,7 +102,14 @@ def shot(
 def measured(
     count: int, seed: int, flaws: dict[str, Any], built: calibration.CameraCalibration | None
 ) -> dict[str, Any]:
-    """The figures of so many pictures."""
+    """Renders `count` pictures and measures their tags; returns errors, misses, wrong numbers and times.
+
+    Args:
+        count: number of pictures.
+        seed: seed of poses, tags and flaws.
+        flaws: flaws of all pictures.
+        built: a calibration to measure with besides the true one; None: the true one alone.
+    """
     rng = np.random.default_rng(seed)
     truth, tag = true_calibration(OPTICS, references=False), part_tag(on_part=(0.0, 0.0, 0.0))
     off, ours, wrong, missed, spent = [], [], 0, 0, []
@@ -139,13 +149,13 @@ def measured(
 
 
 def errors(pose: tuple[float, ...], truth: tuple[float, ...]) -> tuple[float, float]:
-    """Error of place [mm] and of angle [deg]."""
+    """Distance [mm] and angle [deg] of a measured pose from the true one."""
     off = float(np.hypot(pose[0] - truth[0], pose[1] - truth[1]))
     return off, abs(float(np.degrees(angle_between(pose[2], truth[2]))))
 
 
 def summary(values: Array, name: str) -> dict[str, float]:
-    """Mean, 95th percentile and maximum of places and angles."""
+    """Mean, 95th percentile and maximum of distances [mm] and angles [deg] (2, n); `name` begins each key."""
     figures = {"mean": np.mean, "p95": lambda v: np.percentile(v, 95), "max": np.max}
     return {
         f"{name}_{unit}_{figure}": float(call(row))

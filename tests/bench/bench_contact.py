@@ -1,12 +1,14 @@
-"""How well recorded pushes by a round tip are predicted, beside the simulator of the paper's authors.
+"""Measures how well our simulator and that of the paper's authors predict recorded pushes by a round tip.
 
     python tests/bench/bench_contact.py --data FOLDER
 
-FOLDER holds `outlines.csv` (shape, x, y), `pushes.csv` and `wrench_twist.csv`, in m and rad: pushes of MIT's
-planar push data set (Yu, Bauza, Fazeli and Rodriguez 2016, arXiv 1604.04038), condensed, with where the
-authors' own simulator puts each part (`ell_*`, `quartic_*`), and wrench-twist pairs about the origin of the
-poses. Judged are the pushes of the set `held20`, which neither model was fitted to. Not part of the gate.
-Prints figures and writes `results/contact.json`.
+FOLDER holds three files, in m and rad, condensed from MIT's planar push data set (Yu, Bauza, Fazeli and
+Rodriguez 2016, arXiv 1604.04038). `outlines.csv` has the columns shape, x and y. `pushes.csv` holds the
+pushes and, in the columns `ell_*` and `quartic_*`, the ends that the authors' simulator predicts.
+`wrench_twist.csv` holds pairs of wrench and twist about the origin of the poses. Only pushes of the set
+`held20` are judged; neither simulator was fitted to them.
+
+Prints figures and writes `results/contact.json`. Not part of `tools/check`.
 """
 
 import csv
@@ -45,8 +47,8 @@ RADIUS_MM = 4.75
 NEAR_MM, NEAR_DEG = 3.0, 5.0
 FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
 SURFACES = ("abs", "plywood")
-DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
-SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of draws, in the middle
+DRAWS, EVERY = 200, 5  # draws of every fifth push, for intervals
+SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the draws, in central intervals
 MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
 MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
@@ -60,7 +62,7 @@ DRAWN_MM = 0.1  # Tolerance of outlines that are kept to be drawn
 
 
 class Recorded(NamedTuple):
-    """Pushes of one shape on one surface, in the part's frame at the start: about the centroid, in mm."""
+    """Pushes of one shape on one surface [mm], in the frame of the part's centroid at the start."""
 
     shape: str
     surface: str
@@ -73,25 +75,28 @@ class Recorded(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """How far pushes end from where they were measured, at the origin of the data's poses."""
+    """Distances and angles between predicted and measured ends of pushes.
+
+    The distance is that of the part's point at the origin of the data's poses.
+    """
 
     mm: Array  # (n,)
     deg: Array
 
     @property
     def near(self) -> BoolArray:
-        """Which are within `NEAR_MM` and `NEAR_DEG`."""
+        """Mask (n,) of the pushes whose errors are below `NEAR_MM` and `NEAR_DEG`."""
         return np.asarray((self.mm < NEAR_MM) & (self.deg < NEAR_DEG))
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """The lines of a table."""
+    """The lines of a CSV file, each as values by column."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def outlines(folder: Path) -> dict[str, Array]:
-    """Outlines (N, 2) by shape, in the frame of the poses [mm]."""
+    """Reads the outlines (N, 2) of all shapes, by shape, in the frame of the data's poses [mm]."""
     points: dict[str, list[list[float]]] = {}
     for row in read(folder / "outlines.csv"):
         points.setdefault(row["shape"], []).append([1e3 * float(row["x"]), 1e3 * float(row["y"])])
@@ -99,7 +104,7 @@ def outlines(folder: Path) -> dict[str, Array]:
 
 
 def recorded(folder: Path, kind: str) -> Iterator[Recorded]:
-    """The pushes of one set."""
+    """Reads the pushes of the set `kind` and yields them by shape and surface."""
     rows = [row for row in read(folder / "pushes.csv") if row["set"] == kind]
     for shape, drawn in outlines(folder).items():
         centroid = shapely.get_coordinates(shapely.centroid(shapely.Polygon(drawn)))[0]
@@ -138,39 +143,39 @@ def _recorded(
 
 
 def overlap(tip: Array, outline: Array) -> Array:
-    """How deep tips (n, 2) stand in the part, negative where they are clear of it [mm]."""
+    """Depths (n,) to which round tips at `tip` (n, 2) overlap a part [mm]; negative: the gap between them."""
     part, centres = shapely.Polygon(outline), shapely.points(tip)
     away = shapely.distance(part.exterior, centres)
     return np.asarray(RADIUS_MM - np.where(shapely.contains(part, centres), -away, away))
 
 
 def start_mm(sets: list[Recorded]) -> float:
-    """How far off recorded starts are across the edge, where all tips touch: as a standard deviation."""
+    """Distance from contact within which 68.3 % of recorded tips start [mm]; all should start in contact."""
     off_mm = np.abs(np.concatenate([each.overlap_mm for each in sets]))
     return round(float(np.quantile(off_mm, 0.683)), 3)
 
 
 def turned(points: Array, angle: Array) -> Array:
-    """Points (n, 2), each turned by its angle (n,)."""
+    """Rotates each of n points (n, 2) about the origin by its angle (n,)."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = points.T
     return np.column_stack([c * x - s * y, s * x + c * y])
 
 
 def about(moved: Array, place: Array) -> Array:
-    """Displacements (n, 3) of a place (2,) of the part, from those of its origin."""
+    """Converts displacements (n, 3) of a part's origin to those of the part's point `place` (2,)."""
     there = np.repeat(place[None], len(moved), axis=0)
     return np.column_stack([moved[:, :2] + turned(there, moved[:, 2]) - place, moved[:, 2]])
 
 
 def errors(moved: Array, pushes: Recorded) -> Errors:
-    """Errors of predicted displacements (n, 3) of the centroid."""
+    """Errors of predicted displacements (n, 3) of the centroid, compared with the measured ones."""
     off = about(moved, pushes.origin) - about(pushes.moved, pushes.origin)
     return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrap(off[:, 2]))))
 
 
 def new_job(pushes: Recorded) -> Job:
-    """The job that `plan-init` writes for fingers of steel, of a part that need not pass the jaws."""
+    """The job that `plan-init` writes for steel fingers, with the pushed outline and jaws that open 1 m."""
     answers = Answers(pushes.shape, 5.0, None, "robotiq-2f-85", "steel")
     square = Imported(SQUARE, 4, np.ptp(SQUARE, axis=0), ())
     written = job_file.parse(draft(square, "outlines.csv", answers), pushes.shape)
@@ -179,12 +184,17 @@ def new_job(pushes: Recorded) -> Job:
 
 
 def predicted(pushes: Recorded, part: Simulator, mu: float) -> Array:
-    """Displacements (n, 3) of the centroid by a simulator's nominal pushes."""
+    """Displacements (n, 3) of the centroid that a simulator predicts at friction `mu`, without scatter."""
     return part.push(pushes.paths, part.nominal(len(pushes.moved), mu), RADIUS_MM).moved
 
 
 def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
-    """The push whose predicted end, of displacements (n, 3), is farthest from the measured one."""
+    """The push whose end is predicted worst: its errors, and the outline and poses to draw it.
+
+    Args:
+        pushes: the recorded pushes.
+        moved: predicted displacements (n, 3) of the centroid.
+    """
     off = errors(moved, pushes)
     k = int(off.mm.argmax())
     authors = errors(pushes.authors["authors' quartic"], pushes)
@@ -206,13 +216,13 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
 
 
 def by_load(job: Job, end: Callable[[Simulator], Array]) -> dict[str, Array]:
-    """Displacements (n, 3) that a simulator of the job predicts with each of `LOADS`."""
+    """Displacements (n, 3) that `end` computes with a simulator of the job, under each of `LOADS`."""
     jobs = {name: job.replaced(pressure=load) for name, load in LOADS.items()}
     return {name: end(Simulator.of_job(loaded, 1)) for name, loaded in jobs.items()}
 
 
 def squeezed(path: Path) -> dict[str, Array]:
-    """Displacements (n, 3) of a job's part in squeezes from random poses, by load."""
+    """Displacements (n, 3) of a job's part in squeezes from random poses, for each of `LOADS`."""
     job = job_file.load(path)
     start = random_poses(np.random.default_rng(0), SQUEEZES, job.uncertainty.radius_mm)
     mu = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)
@@ -220,7 +230,11 @@ def squeezed(path: Path) -> dict[str, Array]:
 
 
 def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
-    """How often parts end elsewhere than with the ellipsoid of a load on the rim."""
+    """Shares of parts that end elsewhere with the load `area`, and `quartic`, than with the load `rim`.
+
+    Parts that nothing touches are left out. The result also has the number of parts that are moved, and their
+    median displacement.
+    """
     moved = {load: np.concatenate([each[load] for each in all_moved]) for load in LOADS}
     touched = moved["rim"].any(axis=1)
     rim = moved["rim"][touched]
@@ -234,7 +248,7 @@ def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
 
 
 def pairs_of(folder: Path, pushes: Recorded, rho: float) -> identify.Normalised:
-    """The pairs of the same shape and surface, about its centroid and normalised by `rho` [mm]."""
+    """The recorded pairs of wrench and twist, about the centroid, normalised by `rho` [mm]."""
     rows = [
         [float(row[name]) for name in ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")]
         for row in read(folder / "wrench_twist.csv")
@@ -252,7 +266,7 @@ def pairs_of(folder: Path, pushes: Recorded, rho: float) -> identify.Normalised:
 
 
 def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
-    """The simulator with a quartic identified from the pairs of the same shape and surface."""
+    """The simulator `part` with a quartic identified from the recorded pairs of wrench and twist."""
     rho = radius_of_gyration(pushes.outline)
     data = pairs_of(folder, pushes, rho)
     surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
@@ -260,7 +274,7 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
 
 
 def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
-    """How much a part turns for a torque, beside what it moves for a force: of loads, and of its pairs."""
+    """How easily a part turns, relative to how easily it slides, by three loads and by its recorded pairs."""
     rho = radius_of_gyration(pushes.outline)
     area, weights = support(Pressure("uniform", DRAWS), pushes.outline)
     loads = {
@@ -277,7 +291,7 @@ def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
 
 
 def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
-    """The friction with which most pushes of the other shapes are near."""
+    """The friction at which the largest share of pushes of all other shapes ends near the measured pose."""
     shares = {
         mu: np.mean([ours[mu].near.mean() for (other, _), ours in result.items() if other != shape])
         for mu in FRICTIONS
@@ -286,7 +300,11 @@ def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str
 
 
 def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArray:
-    """Whether x, y and the angle of some pushes lie in intervals (S, n, 3) of `SHARES` of a job's draws."""
+    """Mask (S, n, 3): whether measured x, y and angle lie in central intervals of random pushes.
+
+    Every `EVERY`-th recorded push is drawn `DRAWS` times, with the scatter that the job states. The S
+    intervals hold the shares `SHARES` of these draws.
+    """
     rows = np.arange(0, len(pushes.moved), EVERY)
     many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))
     pushed = stated.draw(part, job, many, RADIUS_MM, np.random.default_rng(seed))
@@ -296,7 +314,7 @@ def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArra
 
 
 def figures(ours: list[Errors]) -> dict[str, float]:
-    """What is kept of some pushes' errors."""
+    """The number of pushes, the share that ends near, and median and 90th percentile of their errors."""
     mm, deg = (np.concatenate(column) for column in zip(*ours, strict=True))
     return {
         "pushes": len(mm),
@@ -309,7 +327,7 @@ def figures(ours: list[Errors]) -> dict[str, float]:
 
 
 def measured(folder: Path) -> dict[str, Any]:
-    """All figures."""
+    """Predicts all pushes with all models; returns the content of the file of results."""
     friction = (FINGERS["steel"].low, FINGERS["steel"].high)
     middle = 0.5 * sum(friction)
     sets = {(each.shape, each.surface): each for each in recorded(folder, "held20")}
@@ -379,7 +397,7 @@ def measured(folder: Path) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Measures and keeps the figures."""
+    """Measures all figures, prints them and writes them to the file of results; returns the exit code."""
     parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     options = parser.parse_args()

@@ -1,15 +1,20 @@
-"""Exported tables of every job in trees/: their vectors in C and in structured text, and what they cost.
+"""Checks and times exported tables of the jobs in trees/, in C and in structured text.
 
     python tests/bench/bench_export.py [--parts ratchet ...] [--calls 10000000] [--repeat 2000]
 
-Not part of the gate. A part without a table in trees/ is compiled first, kept in `out/tables-11`;
-besides, a node with as many branches as may be. Vectors are compared with the runtime's decisions; with the
-C program of each of gcc and clang that is installed, under address and undefined-behaviour sanitizers, which
-also see `--calls` random calls; and with the structured text in the tests' interpreter. Measured are the
-executor's code with -Os, without the data, and a decision at -O2: the mean of all readings and the slowest
-one's, each as the mean CPU time of `--repeat` calls. Prints the figures beside their limits and writes
-`results/export.json` beside this file; rows of tables that are not measured again stay. Ends with 1 where a
-limit is not kept.
+A part without a table in trees/ is compiled first, and its table is kept in `out/tables-12`. One more table
+has a node with as many branches as are allowed.
+
+The vectors of each export are compared with the decisions of the runtime, with the structured text in the
+tests' interpreter, and with the C program of each installed compiler (gcc, clang). The C programs run under
+sanitizers of addresses and undefined behaviour, and also answer `--calls` random calls.
+
+Two figures have limits: the size of the executor's code with -Os, without the data, and the time of a
+decision at -O2 for the slowest reading. The mean over all readings is printed, too. Each time is the mean CPU
+time of `--repeat` calls.
+
+Prints the figures beside their limits and writes `results/export.json` beside this file; rows of tables that
+are not measured again stay. Ends with 1 if a limit is exceeded. Not part of `tools/check`.
 """
 
 import hashlib
@@ -46,7 +51,7 @@ WIDE = "32 branches"
 
 
 def proved(table: Table, folder: Path) -> int:
-    """The number of vectors, all equal to what a run does and to the structured text."""
+    """Checks all vectors against the runtime's decisions and the structured text; returns their number."""
     rows = rows_of(folder / "st")
     oracle = Oracle(table)
     assert [row[3:] for row in rows] == [oracle.answer(*row[:3]) for row in rows]
@@ -56,7 +61,7 @@ def proved(table: Table, folder: Path) -> int:
 
 
 def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, Any]:
-    """The figures of one table by one compiler."""
+    """Builds an export in C with one compiler, checks it and times it; returns sizes, times and calls."""
     executable = executor(compiler, folder)
     rows = said("-A", executable, program="size").splitlines()
     sections = [row.split() for row in rows if row.startswith(".rodata")]
@@ -77,7 +82,7 @@ def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, 
 
 
 def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
-    """One table: its vectors in every form, and each compiler's figures."""
+    """Exports one table, checks it in C and structured text, and times it; returns a row of the results."""
     wide = dumps(wide_table())
     digest = hashlib.sha256(wide).hexdigest()
     result = TableFile(wide_table(), wide, digest) if name == WIDE else table_of(name)
@@ -101,7 +106,7 @@ def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Measure all tables; returns the exit code."""
+    """Measures all chosen tables; returns the exit code."""
     parser = harness.parser(__doc__)
     names = [*NAMES, WIDE]
     parser.add_argument("--parts", nargs="+", choices=names, default=names, metavar="PART")

@@ -1,12 +1,16 @@
-"""Squeezes by three round fingers, and pushes of a robot with two, by the solver of squeezes and pushes.
+"""Compares our solver with squeezes by three round fingers, and with pushes of a robot with two fingers.
 
     python tests/bench/bench_fingers.py --data FOLDER
 
-FOLDER holds `three_fingers.csv`, squeezes as the paper's authors simulate them, and `robot_runs/*.csv`, what
-a real robot did (condensed from their public toolbox). Their hexagon's quartic is not recorded: it is
-identified from one squeeze in three and judged by the others, beside that of a uniform pressure. Where two
-fingers touch, their sequence of LCPs seems to end early (`cut_short`); the same quartic is also judged with
-the sequence converged. Not part of the gate. Prints figures and writes `results/fingers.json`.
+FOLDER is condensed from the public toolbox of the paper's authors. It holds `three_fingers.csv`, squeezes
+that the authors simulated, and `robot_runs/*.csv`, pushes that a real robot made.
+
+The authors do not state the quartic of their hexagon. Here it is identified from every third squeeze and
+judged by the other squeezes; the quartic of a uniform pressure is judged beside it. Where two fingers touch,
+the authors' sequence of LCPs seems to end early (`cut_short`). The identified quartic is judged with
+sequences that end early, and with sequences that converge.
+
+Prints figures and writes `results/fingers.json`. Not part of `tools/check`.
 """
 
 import math
@@ -43,12 +47,12 @@ RESULTS = harness.Kept("fingers")
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
 MARGIN_MM = 0.1
-# By how many contacts are near: so short that no event need end a step.
+# Step for 0, 1, 2 and 3 near contacts: so short that no event need end it.
 STEPS_MM = (0.05, 0.01, 0.01, 0.001)
 TRIANGLE_A = [[1.06868, 0.01242, -0.16074], [0.01242, 1.06166, -0.01284]]
 TRIANGLE_A += [[-0.16074, -0.01284, 4.58574]]
 FIT_EVERY = 3  # Every third squeeze is fitted
-# Of the fit: its loss, its differences, the length of each round.
+# Of the fit: scale of the loss, limit of an error, steps of the differences, evaluations with each step.
 SCALE_MM, MOST_MM, STEPS, LOOKS = 0.1, 3.0, (0.05, 0.02, 0.005), 14
 CUT = 5.0
 """Net force up to which a sequence of LCPs ends early, per mm of closing, in units of the quartic's scale."""
@@ -69,7 +73,7 @@ OUTLINES = {
 
 
 class Tips(NamedTuple):
-    """Three round tips that close in on the origin."""
+    """Three round finger tips that close towards the origin."""
 
     angle: float  # of the first one's place; the others follow at 120 and 240 degrees [rad]
     radius_mm: float
@@ -78,7 +82,7 @@ class Tips(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part and how it slides."""
+    """A part: its outline and its limit surface."""
 
     outline: Array  # (N, 2)
     rho_mm: float
@@ -86,7 +90,7 @@ class Part(NamedTuple):
 
 
 class Push(NamedTuple):
-    """One push of a robot's run."""
+    """One push that the robot made: the path of its hand, and where the part was before and after."""
 
     group: str  # pushes that ought to be alike
     outline: str
@@ -99,10 +103,10 @@ class Push(NamedTuple):
 def cut_short(
     surface: Array, c: float, s: float, mu: float, count: int, cut: float, work: StepWork
 ) -> bool:
-    """Solves one LCP of a quartic at two or more contacts, its matrix at equal components of the wrench.
+    """Solves the first LCP of a quartic's sequence; returns whether the sequence ends with it.
 
-    Returns whether the net force stays below `cut`, so that the sequence ends there. This reproduces the
-    recorded squeezes; that it is the authors' rule is inferred from them.
+    It ends if at least two contacts leave a net force below `cut`. The LCP takes the quartic's matrix at a
+    wrench of three equal components. This rule reproduces the recorded squeezes; the authors do not state it.
     """
     if count < 2 or cut == 0.0:
         return False
@@ -121,7 +125,10 @@ def cut_short(
 
 @inner_kernel
 def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> float:
-    """Closes the tips on one part at q (3,), modified, until it is held; returns their distance [mm]."""
+    """Closes the tips until they hold the part; returns their distance from the origin [mm].
+
+    The part is at the pose q (3,), which the call modifies. `cut` is that of `cut_short` per mm of closing.
+    """
     work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
     boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
@@ -148,7 +155,10 @@ def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> flo
 
 
 def squeezed(part: Part, tips: Tips, poses: Array, cut: float = 0.0) -> Array:
-    """Where parts at poses (n, 3) end; `cut` as for `cut_short`, 0 for the converged sequence."""
+    """Final poses (n, 3) of a part that the tips squeeze from each of the poses (n, 3).
+
+    `cut` is that of `cut_short` per mm of closing; with 0 all sequences of LCPs converge.
+    """
     reach = float(np.hypot(*part.outline.T).max())
     body = Body(np.ascontiguousarray(part.outline.T), reach, part.surface, part.rho_mm)
     ends, scratch = np.array(poses), scratch_of(part.outline)
@@ -158,14 +168,14 @@ def squeezed(part: Part, tips: Tips, poses: Array, cut: float = 0.0) -> Array:
 
 
 def off(ends: Array, measured: Array) -> tuple[Array, Array]:
-    """How far (n,) poses (n, 3) lie from others [mm], and are turned [degrees]."""
+    """Distances (n,) [mm] and angles (n,) [deg] between computed and measured poses (n, 3)."""
     apart = ends - measured
     turn = np.abs(wrap(apart[:, 2]))
     return np.hypot(apart[:, 0], apart[:, 1]), np.degrees(turn)
 
 
 def figures(ends: Array, measured: Array) -> dict[str, Any]:
-    """What is kept of some squeezes."""
+    """The number of squeezes, the share that ends near the measured pose, and quantiles of the errors."""
     mm, deg = off(ends, measured)
     return {
         "squeezes": len(mm),
@@ -176,7 +186,7 @@ def figures(ends: Array, measured: Array) -> dict[str, Any]:
 
 
 def three(folder: Path) -> dict[str, Any]:
-    """The authors' squeezes by three fingers."""
+    """Repeats the authors' squeezes by three fingers; returns the figures of each part and model."""
     rows = np.genfromtxt(folder / THREE, delimiter=",", names=True, dtype=None, encoding="utf-8")
     poses = {}
     for part in ("triangle", "hexagon"):
@@ -206,7 +216,10 @@ def three(folder: Path) -> dict[str, Any]:
 def identified(
     part: Part, first: QuarticSurface, tips: Tips, start: Array, end: Array
 ) -> QuarticSurface:
-    """The quartic whose cut sequences take poses (n, 3) nearest to others, robustly (soft L1)."""
+    """Fits the quartic with which squeezes from the poses `start` (n, 3) end nearest to `end` (n, 3).
+
+    Sequences of LCPs end early, as by `cut_short`. The loss is robust (soft L1).
+    """
     first = replace(first, coefficients=first.coefficients / np.abs(first.coefficients).max())
 
     def surface(unknown: Array) -> QuarticSurface:
@@ -226,7 +239,10 @@ def identified(
 
 
 def pushes(folder: Path) -> Iterator[Push]:
-    """The pushes of all runs: an action's readings, once the hand has come to where it begins."""
+    """Reads the runs of the robot and yields their pushes.
+
+    In an action of a run, the hand first jumps to where the push starts; the push is what follows.
+    """
     for path in sorted((folder / "robot_runs").glob("*.csv")):
         rows = np.loadtxt(path, delimiter=",")
         cuts = np.flatnonzero((np.diff(rows[:, 7]) != 0.0) | (np.diff(rows[:, 0]) > PAUSE_S)) + 1
@@ -244,7 +260,7 @@ def pushes(folder: Path) -> Iterator[Push]:
 
 
 def pushed(push: Push, part: Simulator, mu: float) -> Array:
-    """Where the part ends (3,): pushed from each recorded pose of the hand to the next."""
+    """Computes the final pose (3,) of the part, from each recorded pose of the hand to the next."""
     q, across = push.start.copy(), 0.5 * APART_MM * np.array([[0.0, 1.0], [0.0, -1.0]])
     hand = push.hand[np.append(True, np.diff(push.hand, axis=0).any(axis=1))]
     for number, (before, after) in enumerate(pairwise(hand)):
@@ -262,13 +278,19 @@ def pushed(push: Push, part: Simulator, mu: float) -> Array:
 
 
 def turn(angle: float) -> Array:
-    """What turns rows of coordinates back by an angle [rad]."""
+    """The matrix (2, 2) of a rotation by an angle [rad].
+
+    Rows of coordinates times this matrix are turned back by the angle.
+    """
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s], [s, c]])
 
 
 def runs(folder: Path) -> dict[str, Any]:
-    """The robot's pushes: how many end near, or within the spread of their group."""
+    """Computes the robot's pushes at several frictions; returns shares that end near the measured pose.
+
+    A second share also counts ends within the spread of the push's group.
+    """
     groups: defaultdict[str, list[Push]] = defaultdict(list)
     for push in pushes(folder):
         groups[push.group].append(push)
@@ -305,14 +327,14 @@ def runs(folder: Path) -> dict[str, Any]:
 
 
 def simulator(outline: Array) -> Simulator:
-    """A part on a uniform pressure, for pushes alone."""
+    """A simulator of a part with uniform pressure, for pushes alone: its jaws are only placeholders."""
     rho = radius_of_gyration(outline)
     surface = limit_surface.fit_ellipsoid(*support(UNIFORM, outline), rho)
     return Simulator(outline, surface, np.array([1e3, 20.0, 10.0, 0.5]), (0.1, 0.3), 20, workers=1)
 
 
 def main() -> int:
-    """Measures and keeps the figures."""
+    """Compares all squeezes and pushes, and writes the figures; returns the exit code."""
     parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     options = parser.parse_args()

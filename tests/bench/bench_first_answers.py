@@ -1,13 +1,15 @@
-"""What `squeezetree try` answers for a random draw of the outlines of tools/zoo500; not in the gate.
+"""Checks what `squeezetree try` answers for randomly drawn outlines of tools/zoo500.
 
     python tests/bench/bench_first_answers.py [--sample 60] [--seed 50] [--budget 60s]
 
-Each outline is written as CSV and tried as a user would, in a process of its own. What is checked of each:
-there is an answer (exit code 0, with a verdict), it comes within the budget and `SPARE_S` for all that is not
-search, its shares add up, and verdict, weakest world and conditions agree. What is done is kept line by line
-in --results, and started again it goes on. Figures go to `results/first_answers.json` beside this file: names
-and figures, no outlines. Needs the packages that the outlines come from; without them it says how to get
-them.
+Each outline is written as CSV and tried as by a user, in a separate process. Four things are checked: the
+command ends with exit code 0 and a verdict; it ends within the budget and `SPARE_S` seconds more, for all
+that is not search; the shares of its answer add up to 1; the verdict, the weakest world and the conditions do
+not contradict each other.
+
+Answers are kept line by line in the file `--results`; a second start continues after them. Figures go to
+`results/first_answers.json` beside this file: names and figures, no outlines. If the packages that the
+outlines come from are missing, the command says how to get them. Not part of `tools/check`.
 """
 
 import argparse
@@ -70,7 +72,7 @@ def main() -> int:
 
 
 def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, Any]:
-    """What is answered for an outline (n, 2), and what is wrong with that."""
+    """Tries an outline (n, 2) in a separate process; returns the answer's figures and faults."""
     with tempfile.TemporaryDirectory() as folder:
         drawing = Path(folder) / "part.csv"
         drawing.write_text("x_mm,y_mm\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in outline))
@@ -90,7 +92,7 @@ def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, 
 
 
 def faults(answer: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:
-    """What is wrong with an answer."""
+    """Describes each fault of an answer in a few words; an empty list means that there is none."""
     wrong = []
     if answer.get("verdict") not in ("good", "fair", "poor", "cut", "unknown"):
         wrong.append("no verdict")

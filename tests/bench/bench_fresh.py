@@ -1,11 +1,12 @@
-"""The failure rate that a plan reports against that of trials it never saw; not part of the gate.
+"""Compares the failure rate that a plan reports with the rate of fresh trials, not used in planning.
 
     python tests/bench/bench_fresh.py [--seeds 10] [--trials 4000] [--workers 2]
 
-Four jobs are planned with few particles, with many seeds each. A table reports the failure rate of its own
-last evaluation; as many times three trials with other seeds tell the rate again. The reported rates must not
-be lower: z of the mean difference, in standard errors, is within -2 and 2 for trials that decided nothing.
-Prints figures and writes `results/fresh.json` beside this file.
+Four jobs are planned with few particles and with several seeds. A table reports the failure rate of its last
+evaluation. Three times as many trials with other seeds then estimate this rate again. If planning does not
+favour its own trials, the mean difference of the rates lies within two standard errors of zero (`z`).
+
+Prints figures and writes `results/fresh.json` beside this file. Not part of `tools/check`.
 """
 
 import math
@@ -31,7 +32,7 @@ OTHER_SEED = 1_000_003
 
 
 def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
-    """One plan: the failures that it reports, and those of fresh trials."""
+    """Plans a part with a seed; returns the failures that the table reports, and those of fresh trials."""
     job = job_file.load(TREES / part / "job.toml", {"seed": seed, **FEW})
     table = compile_job(job, work.workers, trials).table
     other = OTHER_SEED + seed
@@ -49,7 +50,7 @@ def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
 
 
 def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Mean failure rates, and the mean difference in standard errors."""
+    """The mean reported and fresh failure rates, and their difference in standard errors (`z`)."""
     reported = [row["reported"] / row["trials"] for row in rows]
     fresh = [row["fresh"] / row["fresh_trials"] for row in rows]
     variance = 0.0

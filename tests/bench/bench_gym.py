@@ -1,11 +1,15 @@
-"""The Gymnasium environment: squeezes a second on one core beside MuJoCo's, and baselines; not in the gate.
+"""Measures the speed of the Gymnasium environment beside MuJoCo's, and the success of simple policies in it.
 
     python tests/bench/bench_gym.py [--parts 300] [--only speed policies]
 
-The policies localise the rectangle in the generative model: compiled tables, and two that carry a particle
-filter and declare its main mode once the goal's confidence is reached: one squeezes where the next belief's
-mode is largest on average (greedy), one anywhere (random). Prints figures and writes `results/gym.json`
-beside this file. The speed of MuJoCo is measured where `pip install mujoco` has been done.
+speed: squeezes a second on one core. That of MuJoCo is measured if it is installed (`pip install mujoco`).
+
+policies: each locates the rectangle in the generative model. Two policies are compiled tables. Two others
+track the belief by a particle filter, and declare its main mode once this mode reaches the goal's confidence.
+Before that, the greedy one squeezes where the main mode of the next belief is largest on average, and the
+random one anywhere.
+
+Prints figures and writes `results/gym.json` beside this file. Not part of `tools/check`.
 """
 
 import json
@@ -36,7 +40,7 @@ Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
 
 
 def speed() -> list[Row]:
-    """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
+    """Measures squeezes a second of processor time; each part is squeezed three times, then declared."""
     rng = np.random.default_rng(0)
     many = gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH)
     one = gymnasium.make(planner.gym.NAME)
@@ -76,7 +80,7 @@ def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
 
 
 def policies(parts: int) -> list[Row]:
-    """Success, squeezes and reward of each."""
+    """Runs all policies; returns a row with success, squeezes and reward of each."""
     model = planner.gym.problem_of(None)
     kept = tables.load(TABLE).table
     trusting = model.job.replaced(doubt={"chance": 0.0}, friction={"doubt": 0.0})
@@ -106,7 +110,7 @@ def _figures(policy: str, success: np.ndarray, squeezes: np.ndarray, model: Pomd
 
 
 def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which of so many parts a table declares rightly, and how many squeezes each takes."""
+    """Runs a table on new parts; returns which of them it declares rightly (n,), and their squeezes (n,)."""
     program, rng = Program.of(table), np.random.default_rng(1)
     states, node = model.initial(parts, rng), np.zeros(parts, np.int64)
     success, squeezes = np.zeros(parts, np.bool_), np.zeros(parts)
@@ -125,7 +129,7 @@ def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, 
 
 
 def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bool, int]:
-    """Whether one part is declared rightly by a particle filter's main mode, and after how many squeezes."""
+    """Locates one part by a particle filter; returns whether the declared pose is right, and the squeezes."""
     state, belief = model.initial(1, rng), model.initial(PARTICLES, rng)
     squeezes = 0
     while True:
@@ -145,7 +149,7 @@ def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bo
 
 
 def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
-    """The placement after which the main mode holds most of the belief, on average over what is read."""
+    """The number of the placement after which the main mode holds most of the belief, on average."""
     few, rule = belief[:: max(1, len(belief) // JUDGES)], Problem.of(model.job, 1).rule
     values = []
     for placement in model.actions[: model.placements]:
@@ -157,12 +161,12 @@ def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
 
 
 def at_random(model: Pomdp, _belief: np.ndarray, rng: np.random.Generator) -> int:
-    """Any placement."""
+    """The number of a random placement."""
     return int(rng.integers(model.placements))
 
 
 def main() -> None:
-    """Run the chosen benches and record them."""
+    """Runs the chosen studies and adds their figures to the file of results."""
     parser = harness.parser(__doc__)
     benches = ["speed", "policies"]
     parser.add_argument("--parts", type=int, default=300, help="of each policy with a filter")

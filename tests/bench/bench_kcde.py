@@ -1,10 +1,12 @@
-"""How fast particles are drawn from the motion model, beside scipy; not part of the gate.
+"""Measures how fast final poses are drawn from the learned motion model, by our kernel and with scipy.
 
     python tests/bench/bench_kcde.py [--repeat 30]
 
-5000 particles of the rectangle's belief, drawn on one core from the paper's estimate of 10 000 points, with
-h1 = h2 = 0.5 mm and the nearest 400 points, by our kernel and by scipy's cKDTree. Both in turn, in one
-process; medians count. Prints figures and writes `results/kcde.json` beside this file.
+5000 particles of the rectangle's belief are drawn on one core from the paper's estimate of 10 000 points,
+with h1 = h2 = 0.5 mm and the nearest 400 points. Our kernel and scipy's cKDTree draw in turn, in one process;
+the medians of their times are compared.
+
+Prints figures and writes `results/kcde.json` beside this file. Not part of `tools/check`.
 """
 
 import math
@@ -30,7 +32,10 @@ SHUFFLES = 100
 
 
 def estimate(count: int) -> tuple[Kcde, RollOuts]:
-    """The paper's estimate of the first so many roll-outs that touch, and those."""
+    """The paper's density estimate, and the `count` roll-outs that it is made from.
+
+    The fingers touch the part in all of these roll-outs.
+    """
     part = simulator(OUTLINES["rectangle"]())
     rolled = roll_outs(part, 3 * RADIUS_MM, 2 * count)
     touching = np.flatnonzero(classify_contact(part.outline, part.jaws, rolled.initial) == TOUCHES)
@@ -42,7 +47,10 @@ def estimate(count: int) -> tuple[Kcde, RollOuts]:
 def with_scipy(
     rows: RollOuts, rho: float, order: int
 ) -> Callable[[np.ndarray, np.random.Generator], np.ndarray]:
-    """The same draws the usual way: the nearest 400, their weights, one of them, and noise."""
+    """Returns a function that draws final poses as our kernel does, but with scipy.
+
+    For each pose it takes the nearest 400 points, picks one of them by its weight, and adds noise.
+    """
     period, scale = rho * math.tau / order, np.array([1.0, 1.0, rho])
 
     def points(poses: np.ndarray) -> np.ndarray:
@@ -64,7 +72,7 @@ def with_scipy(
 
 
 def seconds(calls: list[Callable[[], Any]], repeat: int) -> list[float]:
-    """Median time of each call, made in turn."""
+    """Median times of the calls [s], which are made in turn, `repeat` times."""
     times = np.empty((repeat, len(calls)))
     for row in times:
         for k, call in enumerate(calls):
@@ -75,7 +83,7 @@ def seconds(calls: list[Callable[[], Any]], repeat: int) -> list[float]:
 
 
 def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> float:
-    """Share of random divisions of all draws that are as far apart as these two samples."""
+    """The p-value of a permutation test of whether two samples are of one distribution."""
     rng, n = np.random.default_rng(4), len(ours)
     pooled = np.concatenate([ours, theirs])
     apart = energy_distance(ours, theirs, rho, order)
@@ -84,7 +92,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 
 
 def main() -> None:
-    """Run the bench and record it."""
+    """Runs the benchmark and writes its figures."""
     parser = harness.parser(__doc__)
     parser.add_argument("--repeat", type=int, default=30)
     options = parser.parse_args()

@@ -1,10 +1,11 @@
-"""Many parts through grasp-runtime with each make of gripper; not part of the gate.
+"""Runs many parts through grasp-runtime with the simulated gripper of each make.
 
     python tests/bench/bench_makes.py [--parts 1000] [--tree T.msgpack] [MODEL ...]
 
-The simulated cell's gripper answers the make's own bytes, in virtual time. Prints one JSON object a gripper:
-outcomes, crashes, incidents on the line, simulated seconds a part. Ends with 1 where a part was rejected, or
-ended in a fault. Without a table the small one of the tests is rehearsed.
+The simulated gripper speaks the protocol of its make, in virtual time. With `--tree`, the table's gripper
+runs alone; without it, each gripper rehearses the small table of the tests. Prints one JSON object for each
+gripper: outcomes, crashes, incidents on the line, simulated seconds a part. Ends with 1 if a part was
+rejected or ended in a fault. Not part of `tools/check`.
 """
 
 import json
@@ -23,14 +24,14 @@ from runtime.table import dump, load
 
 
 def run(tree: Path, parts: int, *arguments: str) -> list[dict]:
-    """The parts of a run."""
+    """Runs parts through grasp-runtime; returns them as its `--json` prints them."""
     words = ["--journal", tree.with_suffix(".jsonl"), "--count", parts, "--json", *arguments]
     done = ended([*RUNTIME, "--tree", tree, *VIRTUAL, *words], timeout=None)
     return [json.loads(line) for line in done.out.splitlines()]
 
 
 def figures(model: str, parts: list[dict], journal: Path) -> dict:
-    """What a run came to."""
+    """The figures of a run: outcomes, crashes, incidents, and mean squeezes and seconds of a part."""
     text = journal.read_text(encoding="utf-8")
     return {
         "model": model,
@@ -44,7 +45,7 @@ def figures(model: str, parts: list[dict], journal: Path) -> dict:
 
 
 def main() -> int:
-    """Run each gripper."""
+    """Runs each gripper and prints its figures; returns the exit code."""
     parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=1000)
     parser.add_argument("--tree", type=Path, help="its gripper alone, in the planner's world")

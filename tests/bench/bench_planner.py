@@ -1,4 +1,4 @@
-"""Plans every table of `trees/` with several seeds, by one planner or several; not part of the gate.
+"""Plans every job of `trees/` with several seeds, by one planner or several; not part of `tools/check`.
 
     python tests/bench/bench_planner.py                                    this checkout, ten seeds
     python tests/bench/bench_planner.py --only rectangle wedge --seeds 1 2
@@ -6,9 +6,9 @@
     python tests/bench/bench_planner.py --report                           only print what is kept
 
 A planner is a checkout with an environment in its `.venv` (`tools/demo` makes one); its `plan-compile` plans
-the jobs of this checkout on one thread. 20 000 parts that had no part in any decision judge a plan. Seconds
-are processor seconds of the whole process. Plans are kept one by one in `results/planner.json` beside this
-file; what is kept is not planned again.
+the jobs of this checkout on one thread. A plan is judged by 20 000 parts that were not used in planning.
+Seconds are processor seconds of the whole process. Each plan is kept in `results/planner.json` beside this
+file as soon as it is made; plans that are kept are not made again.
 """
 
 import json
@@ -30,7 +30,7 @@ SEEDS = range(1, 11)
 
 @dataclass(frozen=True)
 class Plan:
-    """The figures of one plan."""
+    """The figures of one plan, and the processor time that planning took."""
 
     planner: str
     part: str
@@ -43,12 +43,12 @@ class Plan:
 
     @property
     def total(self) -> float:
-        """Mean squeezes, a part that is not located counting as 100."""
+        """Mean squeezes of a part, with 100 added for each part that is not located."""
         return self.squeezes + 100.0 * (1.0 - self.success)
 
 
 def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
-    """Plans one job in a process of its own."""
+    """Plans a part by a planner's checkout in a separate process; returns the plan's figures."""
     with tempfile.TemporaryDirectory() as folder:
         command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part]]
         command += ["-o", f"{folder}/t.msgpack", "--seed", str(seed)]
@@ -67,18 +67,18 @@ def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
 
 
 def kept() -> list[Plan]:
-    """The plans of former runs."""
+    """The plans of former runs, from the file of results."""
     return [Plan(**row) for row in RESULTS.read([])]
 
 
 def keep(plans: Iterable[Plan]) -> None:
-    """Writes all plans, one a line."""
+    """Writes all plans to the file of results, one a line."""
     rows = sorted(plans, key=lambda plan: (plan.planner, plan.part, plan.seed))
     RESULTS.write_rows([asdict(row) for row in rows])
 
 
 def report(plans: list[Plan]) -> None:
-    """Prints mean and spread of each part and planner, and of all parts."""
+    """Prints means and spread of the plans: a row for each part and planner, and one for all parts."""
     print(
         f"{'part':16} {'planner':8} {'seeds':>5}  squeezes (spread)  success    wrong  total    cpu s"
     )

@@ -1,15 +1,17 @@
-"""A million handshakes with a PLC over exchanges that are dropped, doubled, late and reordered.
+"""Runs handshakes with a PLC: a million over a faulty line in virtual time, or some with real clients.
 
     python tests/bench/bench_plc.py [--parts 1000000] [--seeds 20] [--workers 2]
         [--output tests/bench/results/plc.json]
     python tests/bench/bench_plc.py --modbus 100
     python tests/bench/bench_plc.py --opc-ua 100 [--node-modules FOLDER/node_modules]
 
-In virtual time, on the station that the server serves; or so many parts over Modbus TCP to the command by
-pymodbus' client, by libmodbus and by the structured text of the page; or so many over OPC UA by asyncua's
-client, with an encrypted channel to the command, or by node-opcua's where its folder of modules is stated
-(`npm install node-opcua-client` makes it). Ends with 1 where a result is lost, taken twice or another's, or a
-state was not seen.
+The first form simulates a PLC in virtual time, with the station that the server uses. Exchanges are dropped,
+doubled, late or reordered. The second runs parts over Modbus TCP through the command, by pymodbus' client, by
+libmodbus and by the structured text of tools/docs/plc.md. The third runs parts over OPC UA: by asyncua's
+client on an encrypted channel, or by node-opcua's, if its folder of modules is stated (`npm install
+node-opcua-client` makes it).
+
+Ends with 1 if a result is lost, taken twice or taken for another part, or if OPC UA does not show all states.
 """
 
 import json
@@ -45,7 +47,12 @@ EXCHANGES += ("double_trigger", "lazy")
 
 
 def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
-    """Results taken, what went wrong with the exchanges, and why the handshake is wrong where it is."""
+    """Simulates handshakes of one seed.
+
+    Returns:
+        Number of results taken, counts of faults, and the error of the handshake as text, empty if there is
+        none.
+    """
     study = Study(seed)
     study.run(parts)
     try:
@@ -56,7 +63,10 @@ def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
 
 
 def by_asyncua(port: int, folder: Path, parts: int) -> tuple[list[dict[str, Any]], set[str]]:
-    """The results of so many parts, and the states that were seen; 0 parts: one that is aborted."""
+    """Runs parts by asyncua's client; returns their results and the states seen.
+
+    With 0 parts, it starts one and aborts it.
+    """
     with Supervisor(port, passport(folder, f"identity-{parts}")) as line:
         line.follow()
         seen = {line[f"{MACHINE}/CurrentState"]}
@@ -74,7 +84,10 @@ def by_asyncua(port: int, folder: Path, parts: int) -> tuple[list[dict[str, Any]
 def by_node(
     modules: Path, port: int, folder: Path, parts: int
 ) -> tuple[list[dict[str, Any]], set[str]]:
-    """The same by node-opcua."""
+    """Runs parts by node-opcua's client; returns their results and the states seen.
+
+    With 0 parts, it starts one and aborts it.
+    """
     words = ["node", Path(__file__).parent / "opcua_supervisor.cjs", port, "rectangle", parts]
     certificates = folder / f"certificates-{parts}"
     environment = {**os.environ, "NODE_PATH": str(modules.resolve())}
@@ -84,7 +97,7 @@ def by_node(
 
 
 def over_opc_ua(parts: int, modules: Path | None) -> bool:
-    """Run parts over OPC UA; whether each result is its part's, once, in order, and all states are seen."""
+    """Runs parts over OPC UA; returns whether all results arrive in order and all states are seen."""
     client = by_asyncua if modules is None else partial(by_node, modules)
     with tempfile.TemporaryDirectory() as folder:
         with served(Path(folder) / "parts", "max", parts, OPC_UA) as run:
@@ -106,7 +119,7 @@ def over_opc_ua(parts: int, modules: Path | None) -> bool:
 
 
 def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) -> bool:
-    """Run parts over Modbus TCP; whether each result is its part's, once, in order."""
+    """Runs parts over Modbus TCP by a client; returns whether all results arrive in order."""
     folder = tempfile.TemporaryDirectory()
     with folder, served(Path(folder.name) / "parts", "max", parts, MODBUS) as run:
         began_s = time.monotonic()
@@ -120,7 +133,7 @@ def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) 
 
 
 def registers_of(part: dict[str, Any]) -> Answer:
-    """The registers that a printed part should have."""
+    """The outcome and x that a PLC should read for a part that the command prints."""
     outcome = Outcome(part["outcome"])
     x_mm = part["predicted_pose"]["x_mm"] if outcome is Outcome.LEAF else 0.0
     code = [Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED, Outcome.FAULT].index(outcome) + 1
@@ -128,7 +141,7 @@ def registers_of(part: dict[str, Any]) -> Answer:
 
 
 def served(folder: Path, time_scale: str, count: int, plc: str) -> PlcServed:
-    """A run of the simulated cell that waits for a PLC or a supervisor."""
+    """Starts a run of the simulated cell that waits for a PLC or a supervisor at the address `plc`."""
     folder.mkdir()
     tree = folder / "rectangle.msgpack"
     tree.write_bytes(TABLE.read_bytes())

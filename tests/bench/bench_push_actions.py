@@ -1,10 +1,11 @@
-"""Do pushes before squeezes pay? Plans with and without them (`actions.pushes`); not part of the gate.
+"""Compares plans with and without pushes before squeezes (`actions.pushes`): do pushes pay?
 
     python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
 
-Each case is a job of `trees/` with proposals, as it is or in narrower jaws, planned with several seeds each
-way. Prints squeezes, seconds and success of the cell, crashes of an open finger, processor time of planning,
-and writes `results/push_actions.json` beside this file: cases that are not named stay as they are there.
+Each case is a job of `trees/`, with proposals, in its own jaws or in narrower ones. It is planned with pushes
+and without, each with several seeds. Prints the cell's squeezes, seconds and success, the crashes of an open
+finger, and the processor time of planning. Writes `results/push_actions.json` beside this file; cases that
+are not named stay in it. Not part of `tools/check`.
 """
 
 import time
@@ -36,7 +37,7 @@ CASES |= {name: (name, {}) for name in AS_THEY_ARE}
 
 
 def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
-    """The figures of one plan; none of them where there is none."""
+    """Plans a changed job with a seed; returns the plan's figures, or why there is no plan."""
     job = job_file.load(TREES / name / "job.toml", {**changes, "seed": seed})
     begun = time.process_time()
     try:

@@ -1,16 +1,18 @@
-"""How well pushes by two fingers are predicted that a real robot made; not part of the gate.
+"""Measures how well we predict pushes that a real robot made with two fingers.
 
     python tests/bench/bench_pushes.py --data FOLDER
 
 FOLDER holds two push logs, `hardboard_3pts3.txt` and `plywood_3pts1.txt` (as `plan-identify` reads them), and
-`two_fingers.csv`: one push a line in the columns that `plan-simulate --push` reads, with `support` (3pts1,
-3pts3 or patch), `run`, `index` and what was measured, `moved_x_mm`, `moved_y_mm` and `turned_deg`. The other
-runs, `two_fingers_more.csv`, are judged beside them where they are there.
+`two_fingers.csv`. This table has one push a line, in the columns that `plan-simulate --push` reads, and in
+the columns `support` (3pts1, 3pts3 or patch), `run` and `index`. Its columns `moved_x_mm`, `moved_y_mm` and
+`turned_deg` are what was measured. If there is a file `two_fingers_more.csv` of further runs, it is judged,
+too.
 
-Friction and the scatter of the limit surface are fitted to the logs, in which a single finger pushes:
-friction by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the
-coverage of 90 % intervals. The pushes with two fingers are only judged. Prints figures and writes
-`results/pushes.json`.
+A single finger pushes in the logs. Friction and the scatter of the limit surface are fitted to them: friction
+by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the coverage of
+90 % intervals. The pushes with two fingers are only judged.
+
+Prints figures and writes `results/pushes.json`. Not part of `tools/check`.
 """
 
 import csv
@@ -68,20 +70,20 @@ OFF_MM, OFF_DEG = 20.0, 15.0  # A worse final pose than this is named
 
 
 class Recorded(NamedTuple):
-    """Pushes and what they did to the block, in its frame at the start."""
+    """Recorded pushes, and the measured displacements of the block, in its frame at the start."""
 
     paths: Paths
     moved: Array  # (n, 3) [mm, mm, rad]
 
 
 def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:
-    """The block on a support, as a job describes it."""
+    """A simulator of the block on a support, with bounds of friction and degrees of freedom."""
     text = JOB.format(low=friction[0], high=friction[1], dof=dof, support=SUPPORTS[support])
     return Simulator.of_job(job_file.parse(text, f"the job of {support}"))
 
 
 def read_log(path: Path) -> Recorded:
-    """A log of straight pushes by a single finger."""
+    """Reads a log of straight pushes by a single finger."""
     log = push_log.parse(path.read_text(encoding="utf-8"), str(path))
     sideways = push_log.tip_offset(log)
     starts, shifts, moved = [], [], []
@@ -109,14 +111,18 @@ def _turn(angle: float) -> Array:
 
 
 def _pose(marker: Array) -> tuple[float, float, float]:
-    """Angle and place of the block's centroid, of a logged pose."""
+    """Angle [rad] and place [mm] of the block's centroid, from a logged pose of the block's marker."""
     angle = _yaw(marker[3:])
     x, y = marker[:2] + _turn(angle) @ push_log.MARKER_TO_PART_MM
     return angle, float(x), float(y)
 
 
 def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float], dict[str, float]]:
-    """Friction between finger and block: the best value, the interval, and the best value of each log."""
+    """Fits the friction between finger and block to the logs.
+
+    Returns:
+        The best value, the interval of values nearly as good, and the best value of each log alone.
+    """
     errors = np.empty((len(logs), len(FRICTIONS)))
     for row, (support, log) in enumerate(logs.items()):
         block = simulator(support, (0.4, 0.6), 100)
@@ -131,15 +137,17 @@ def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float],
 
 
 def pose_error(off: Array, block: Simulator) -> Array:
-    """Distance of poses (n, 3) as in the success metric [mm]."""
+    """Sizes (n,) of errors of poses (n, 3), by the metric of success [mm]."""
     rho_mm = radius_of_gyration(block.outline)
     return np.asarray(np.hypot(off[:, 0], off[:, 1]) + rho_mm * np.abs(off[:, 2]))
 
 
 def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, Array]:
-    """Pushes with random mechanics: what they say of the measured ones.
+    """Simulates the recorded pushes many times with random mechanics.
 
-    Returns whether x, y and angle (n, 3) lie in the central 90 %, with noise, and the share that stick (n,).
+    Returns:
+        A mask (n, 3): whether the measured x, y and angle lie in the central 90 % of the noisy results; and
+        the share (n,) of the results in which the block sticks to the fingers.
     """
     n, rng = len(recorded.moved), np.random.default_rng(seed)
     many = take(recorded, np.repeat(np.arange(n), SAMPLES))
@@ -151,7 +159,10 @@ def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, A
 
 
 def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[int, float]:
-    """The degrees of freedom whose 90 % intervals hold nearest to 90 % of the logs' poses, and that share."""
+    """Fits the degrees of freedom so that 90 % intervals hold nearly 90 % of the logs' poses.
+
+    Returns the degrees of freedom and the share of poses that the intervals hold.
+    """
     shares = {}
     for dof in DOFS:
         blocks = {support: simulator(support, friction, dof) for support in logs}
@@ -162,7 +173,7 @@ def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[i
 
 
 def read_two_fingers(path: Path) -> tuple[Recorded, list[dict[str, str]]]:
-    """The pushes with two fingers, and their lines as text."""
+    """Reads pushes with two fingers; returns them, and the lines of the file as text by column."""
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
     paths = pushes.paths(pushes.read(path, FINGERS_MM), push_log.MARKER_TO_PART_MM)
@@ -172,7 +183,7 @@ def read_two_fingers(path: Path) -> tuple[Recorded, list[dict[str, str]]]:
 
 
 def is_stuck(recorded: Recorded) -> BoolArray:
-    """Which pushes moved the block along with the pusher."""
+    """Mask (n,) of the pushes in which the block stuck to the fingers, that is, moved as they did."""
     off = recorded.moved - commanded(recorded.paths)
     near = np.hypot(off[:, 0], off[:, 1]) < STUCK_MM
     return np.asarray(near & (np.abs(off[:, 2]) < math.radians(STUCK_DEG)))
@@ -181,7 +192,12 @@ def is_stuck(recorded: Recorded) -> BoolArray:
 def judged(
     recorded: Recorded, block: Simulator, mu: float, seed: int
 ) -> tuple[dict[str, float], Array, BoolArray]:
-    """Figures of one support's pushes, what each is off by (n, 3), whether its kind was predicted (n,)."""
+    """Compares pushes on one support with their prediction.
+
+    Returns:
+        Figures; errors of the predicted displacements (n, 3); and a mask (n,): whether it was predicted
+        rightly that the block sticks or slides.
+    """
     pushed = block.push(recorded.paths, block.nominal(len(recorded.moved), mu))
     stuck, off = is_stuck(recorded), pushed.moved - recorded.moved
     distance, right = np.hypot(off[:, 0], off[:, 1]), (pushed.status == STUCK) == stuck
@@ -210,7 +226,7 @@ def judged(
 def judged_more(
     path: Path, interval: tuple[float, float], dof: int, mu: float
 ) -> dict[str, dict[str, float]]:
-    """Figures of further pushes with two fingers, by support."""
+    """Figures of the pushes in the file of further runs, by support."""
     recorded, lines = read_two_fingers(path)
     supports = np.array([line["support"] for line in lines])
     result = {}
@@ -221,7 +237,10 @@ def judged_more(
 
 
 def too_far(recorded: Recorded) -> BoolArray:
-    """Pushes after which the block lies farther from its start than any finger went: not by pushing."""
+    """Mask (n,) of pushes after which the block lies farther from its start than any finger went.
+
+    Pushing cannot move a block that far, so the record is wrong.
+    """
     paths = recorded.paths
     arms = np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
     gone_mm = np.hypot(recorded.moved[:, 0], recorded.moved[:, 1])
@@ -231,7 +250,7 @@ def too_far(recorded: Recorded) -> BoolArray:
 def runs_of(
     lines: list[dict[str, str]], recorded: Recorded, off: Array, right: BoolArray
 ) -> list[dict[str, Any]]:
-    """Each recording: how often its kind was predicted, and the pushes that end far off."""
+    """A row for each recorded run: share predicted rightly, median error, pushes that end far off."""
     distance, turned = np.hypot(off[:, 0], off[:, 1]), np.degrees(off[:, 2])
     names, beyond = np.array([line["run"] for line in lines]), too_far(recorded)
     rows = []
@@ -249,7 +268,7 @@ def runs_of(
 
 
 def main() -> int:
-    """Fits to the logs, judges the pushes with two fingers."""
+    """Fits to the logs, judges the pushes with two fingers, and writes the figures; returns the exit code."""
     parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
     options = parser.parse_args()

@@ -1,7 +1,8 @@
-"""Is plan-refit as sure as it may be? Simulation-based calibration (Talts et al. 2018) over hidden cells.
+"""Checks the posterior of plan-refit by simulation-based calibration (Talts et al. 2018) over hidden cells.
 
-Cells are drawn from the prior, parts are squeezed in each, and the rank of what is true among the draws of
-the posterior is noted: uniform if the posterior is right. A hidden cell takes about 6 s on a core:
+Hidden cells are drawn from the prior, and parts are squeezed in each. Then the rank of each true value among
+the draws of the posterior is noted. The ranks are uniform if the posterior is right. A hidden cell takes
+about 6 s on a core:
 
     python tests/bench/bench_refit.py [TABLE] --keep
 """
@@ -54,7 +55,12 @@ def main() -> int:
 
 
 def refitted(cells, parts, number):
-    """The ranks of what is true of a hidden cell among the draws of its posterior, and the mean's errors."""
+    """Draws the hidden cell of a number, squeezes parts in it, and refits it.
+
+    Returns:
+        The ranks of the true values among the draws of the posterior, the errors of the posterior's mean, its
+        spread, and the processor time.
+    """
     begun = time.process_time()
     truth = cells.space.draw(1, np.random.default_rng([number, 1]))[0]
     counts = readings(cells.run(truth, parts, number), cells.program.table)

@@ -1,10 +1,11 @@
-"""How often a table answers what it should reject: widths at random, and parts that are not the job's.
+"""Measures how often a table answers what it should reject: random widths, and parts that are not the job's.
 
     python tests/bench/bench_rejects.py [TABLES] [--parts 2000]
 
-For each table the share of parts that end in a resolved leaf: where every width is drawn evenly between open
-and closed, where all but the first are, which is one that the plan expects, and where the part is larger,
-smaller, longer or thinner than the job's, or another; of these also the share whose pose is wrong.
+For each table it prints the share of parts that end in a resolved leaf, for three kinds of input: all widths
+are drawn evenly between open and closed; the first width is one that the plan expects, and the others are
+drawn; the part is larger, smaller, longer or thinner than the job's, or a disc, or a square. For such parts
+it also prints the share that ends in a resolved leaf with a wrong pose.
 """
 
 from pathlib import Path
@@ -27,7 +28,12 @@ SCALES |= {"larger by 5 %": (1.05, 1.05), "thinner by 20 %": (1.0, 0.8)}
 
 
 def random_widths(program, rng, first_by_plan):
-    """Share of runs (of widths drawn at random, held) that end in a resolved leaf."""
+    """Share of runs that end in a resolved leaf if their widths are drawn at random.
+
+    The object flag of each reading is set.
+
+    With `first_by_plan`, the first branch of each run is drawn by its planned probability.
+    """
     table, gripper = program.table, program.table.gripper
     node, answered = np.zeros(RUNS, np.int64), 0
     for depth in range(table.limits.max_depth):
@@ -45,7 +51,7 @@ def random_widths(program, rng, first_by_plan):
 
 
 def others(job):
-    """The job with other parts, by what is other about them."""
+    """Yields outlines (n, 2) that differ from the job's, each after its name."""
     outline = np.asarray(job.part.outline_mm)
     for name, scale in SCALES.items():
         yield name, outline * scale

@@ -1,10 +1,11 @@
-"""What a finer reading brings: outlines of tools/zoo500 drawn at random, and three parts; not in the gate.
+"""Compares plans for a 2F-85 with plans for the same gripper with a finer reading.
 
     python tests/bench/bench_resolution.py [--sample 24] [--budget 90s] [--cpu 2400s]
 
-Plans each with a 2F-85 and with the same gripper that reads 0.01 mm with a noise of 0.02 mm, one after the
-other, and writes `results/resolution.json` beside this file after each: names and figures, no outlines. What
-is there is not planned again. The zoo's packages are those of tools/zoo500.
+Randomly drawn outlines of tools/zoo500, and three parts of trees/, are planned twice: with a 2F-85, and with
+a gripper that reads 0.01 mm with a noise of 0.02 mm. Writes `results/resolution.json` beside this file after
+each plan: names and figures, no outlines. Plans that are in it are not made again. Needs the packages that
+the outlines of tools/zoo500 come from. Not part of `tools/check`.
 """
 
 import random
@@ -34,7 +35,7 @@ KEPT = ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
 
 
 def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
-    """Name, gripper and how to judge it, of outlines drawn at random."""
+    """Yields randomly drawn outlines of the zoo: name, gripper, and a function that plans and judges them."""
     known = zoo_sources.outlines()
     names = sorted(name for name in known if not zoo_sources.kept_aside(name))
     base = job_file.load(TREES / "ratchet" / "job.toml")
@@ -46,7 +47,7 @@ def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
 
 
 def parts(budget_s: float) -> Iterator[tuple[str, str, Any]]:
-    """The same of the three parts, each with some seeds."""
+    """Yields the three parts with each seed and gripper, in the form of `zoo`."""
     for seed, name, gripper in product(SEEDS, PARTS, GRIPPERS):
         job = job_file.load(TREES / name / "job.toml")
         job = job.replaced(seed=seed, gripper=GRIPPERS[gripper])
@@ -60,7 +61,7 @@ def parts(budget_s: float) -> Iterator[tuple[str, str, Any]]:
 
 
 def main() -> int:
-    """Plan what is not there yet, and print the means."""
+    """Makes the plans that are not in the file of results, and prints the means; returns the exit code."""
     parser = harness.parser(__doc__)
     parser.add_argument("--sample", type=int, default=24, metavar="N")
     parser.add_argument("--budget", type=seconds, default=90.0, help="of planning each")
@@ -84,13 +85,13 @@ def main() -> int:
 
 
 def part_of(name: str) -> str | None:
-    """Which of the three parts a row is of; None: of the zoo."""
+    """The one of `PARTS` that the name of a row stands for; None: an outline of the zoo."""
     part = name.partition(", seed ")[0]
     return part if part in PARTS else None
 
 
 def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Means over what both grippers locate, with neither search cut short."""
+    """Mean figures of each gripper, over the parts that both locate by searches that were not cut short."""
     located = [row for row in rows if row["kind"] is None and not row["cut"]]
     by_gripper = {
         gripper: {row["name"]: row for row in located if row["gripper"] == gripper}

@@ -1,16 +1,19 @@
-"""What a run costs the cell controller: memory, seconds to the first frame, a decision; not part of the gate.
+"""Measures what a run costs the cell controller: memory, seconds to the first frame, time of a decision.
 
     python tests/bench/bench_runtime.py [--tree TREE.msgpack] [--starts 10] [--minutes 30] [--realtime]
 
 Prints the figures beside their limits and writes `results/runtime.json`. The gripper is on a pseudo-terminal
-behind the serial driver, the arm on a socket; both in processes of their own. With `--minutes` the run that
-is looked at lasts so long, at ten times the speed of life: its memory and descriptors have to stay flat.
+behind the serial driver, the arm on a socket; both are separate processes. With `--minutes` the watched run
+lasts that long, at ten times real speed: its memory and descriptors must not grow.
 
-A decision takes two microseconds, so a clock around one also measures interrupts, other programs and, on a
-virtual machine, its host. Three figures tell them apart: every decision by the wall; arithmetic of the same
-length by the same clock, which is what the machine does to any code; and each node and width's own least time
-of many, which is what the code costs. Garbage collection has no part in it: a decision leaves nothing behind.
-With `--realtime` (as root) no other program comes between, as on a controller that has nothing else to do.
+A decision takes two microseconds. A clock around a decision therefore also measures interrupts, other
+programs and, on a virtual machine, the host. Three figures separate them. The time of every decision contains
+all. The time of arithmetic of the same length (`control_`) shows what the machine adds to any code. The least
+of many times of each node and width (`least_`) is what the code costs. Garbage collection adds nothing, since
+a decision leaves no garbage. With `--realtime` (as root) no other program interrupts, as on a controller that
+has nothing else to do.
+
+Not part of `tools/check`.
 """
 
 import compileall
@@ -44,7 +47,7 @@ STOPPED, PARTS_ENDS = 40, (10,)
 
 
 class TimedGripper(TappedGripper):
-    """Notes when its first frame arrives."""
+    """A gripper on a pseudo-terminal that notes when the first frame arrives."""
 
     first_s = 0.0
 
@@ -54,7 +57,7 @@ class TimedGripper(TappedGripper):
 
 
 def first_frame_s(tree: Path, folder: Path) -> float:
-    """From the start of the process to the first frame at the gripper."""
+    """Seconds from the start of a grasp-runtime process to its first frame at the gripper."""
     with TimedGripper() as gripper, TappedArm() as arm:
         words = [*RUNTIME, "--tree", str(tree), "--port", gripper.path, "--arm", arm.url]
         words += ["--dry-run", "--journal", str(folder / "none.jsonl")]
@@ -64,7 +67,7 @@ def first_frame_s(tree: Path, folder: Path) -> float:
 
 
 def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, float]]:
-    """Memory and descriptors, time after time, of a process that squeezes parts with the serial driver."""
+    """Runs grasp-runtime with the serial driver; returns its memory and open descriptors at regular times."""
     with RunningCell(tree, time_scale=CELL_SPEED) as cell:
         more = ("--count", "1000000" if minutes else "6", "--http", "127.0.0.1:0")
         words = runtime_command(tree, cell, folder / "bench.jsonl", *more)
@@ -84,14 +87,14 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
 
 
 def rise(seen: list[dict[str, float]], name: str) -> float:
-    """How much the highest of the last quarter is above the highest of the second."""
+    """The highest value of `name` in the last quarter of a run, less the highest in the second quarter."""
     quarter = max(len(seen) // 4, 1)
     second = seen[quarter : 2 * quarter] or seen
     return max(s[name] for s in seen[-quarter:]) - max(s[name] for s in second)
 
 
 def memory_of(pid: int) -> dict[str, float]:
-    """Peak and present resident memory in MiB and open descriptors of a process, empty once it is gone."""
+    """Peak and present resident memory [MiB] and open descriptors of a process; empty if it has ended."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
@@ -109,7 +112,11 @@ def memory_of(pid: int) -> dict[str, float]:
 
 
 def decision_us(tree: Path) -> dict[str, float]:
-    """Width in, child out: a width's branch, its target, and what follows, for all nodes and widths."""
+    """Times decisions, from a width to the child, for all nodes and widths; returns percentiles [us].
+
+    A decision finds the branch of the width, its target, and what follows. The percentiles of the control and
+    of the least times have the prefixes `control_` and `least_`.
+    """
     table = load(tree).table
     maps = [decision_map(node, table.gripper) for node in table.nodes]
     widths_um = range(0, table.gripper.opening_um, table.gripper.opening_um // WIDTHS)[:WIDTHS]
@@ -139,7 +146,7 @@ def decision_us(tree: Path) -> dict[str, float]:
 
 
 def percentiles(durations: "array[int]", prefix: str) -> dict[str, float]:
-    """Some percentiles of durations in ns, in us."""
+    """Percentiles and maximum [us] of durations [ns]; each key begins with `prefix`."""
     spent = sorted(durations)
     places = {name: int(share * len(spent)) for name, share in PERCENTILES.items()}
     at = {prefix + name: spent[place] / 1e3 for name, place in places.items()}
@@ -150,7 +157,7 @@ PERCENTILES = {"p50_us": 0.5, "p99_us": 0.99, "p9999_us": 0.9999}
 
 
 def main() -> None:
-    """Measure, print, write."""
+    """Measures all figures, prints them and writes them."""
     parser = harness.parser(__doc__)
     parser.add_argument("--tree", type=Path, default=TABLE)
     parser.add_argument("--starts", type=int, default=10)

@@ -1,10 +1,11 @@
-"""Every table of trees/ in the rigid-body world, and how its squeezes differ from ours; not in the gate.
+"""Evaluates every table of trees/ in the rigid-body world, and repeats its squeezes in the contact world.
 
     python tests/bench/bench_second_opinion.py [--parts ratchet ...] [--trials 300]
 
-Needs the extra `mujoco`. A part without a table in trees/ is compiled first and the table kept. The
-squeezes of the trials are made again in the contact world: nominally, and 20 times with its scatter. Prints
-figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
+Needs the extra `mujoco`. A part without a table in trees/ is compiled first, and its table is kept. Each
+squeeze of the trials is repeated in the contact world: once with nominal parameters, and 20 times with random
+ones. Prints figures and writes `results/second_opinion.json` beside this file after each part; rows of other
+parts stay in it. Not part of `tools/check`.
 """
 
 import platform
@@ -33,7 +34,7 @@ NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
 
 
 class Recorder:
-    """The rigid world, with the squeezes kept."""
+    """A rigid-body world that keeps the start and the result of each squeeze."""
 
     def __init__(self, job: Job) -> None:
         self.world = RigidWorld(job, SEED)
@@ -48,7 +49,7 @@ class Recorder:
 
 
 def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
-    """Which squeezes end alike in both worlds: place, angle by what it moves the rim by, and width."""
+    """Mask (n,) of the squeezes that end alike in both worlds: in place, angle and width."""
     off = ends[:, :3] - rolled.poses
     place = np.hypot(off[:, 0], off[:, 1])
     wide = np.abs(ends[:, 3] - rolled.width_mm)
@@ -56,7 +57,7 @@ def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
 
 
 def bench(part: str, trials: int) -> dict[str, Any]:
-    """One table's trials, and its squeezes in the contact world."""
+    """Evaluates a part's table in the rigid-body world, repeats its squeezes; returns a row of figures."""
     job, table = job_file.load(TREES / part / "job.toml"), table_of(part, workers=1).table
     world = Recorder(job)
     start = time.process_time()

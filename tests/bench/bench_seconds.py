@@ -1,11 +1,15 @@
-"""Seconds a part: the forecast of tables against the simulated cell in virtual time.
+"""Compares the seconds a part that tables forecast with those of the simulated cell in virtual time.
 
     python tests/bench/bench_seconds.py TREE.msgpack [TREE.msgpack ...] [--count 500] [--trials 20000]
 
-The forecast is that of `plan-evaluate`: fresh trials, timed by the table's model of time. The other side is
-`grasp-runtime --port sim --time-scale max`, whose devices take their own times. The percentile of so few
-parts scatters, most where few paths are much longer than the others: the forecast has its 95 % interval, and
-the model times the very squeezes of the cell, too. Writes `results/seconds.json`, and prints it as a table.
+The forecast is that of `plan-evaluate`: fresh trials, timed by the table's model of time. The cell is that of
+`grasp-runtime --port sim --time-scale max`, whose devices take their own times.
+
+The 95th percentile of a few hundred parts scatters, most of all where few paths of the tree are much longer
+than the others. Therefore the forecast states the 95 % interval of the percentile, and the model of time is
+also applied to the very squeezes that the cell made.
+
+Writes `results/seconds.json`, and prints it as a table.
 """
 
 import json
@@ -37,7 +41,10 @@ Part = dict[str, Any]  # as `grasp-runtime --json` prints it
 
 
 def forecast(table: Table, trials: int, count: int) -> Figures:
-    """What the table says that parts will take; between which bounds the percentile of `count` parts is."""
+    """Forecasts the seconds of parts from trials.
+
+    The result also has the 95 % interval of the 95th percentile of the seconds of `count` parts.
+    """
     job = job_file.from_canonical(str(table.job))
     run = evaluate(table, job, ContactWorlds.of_job(job, SEED), trials, SEED)
     scatter = 1.96 * sqrt(0.95 * 0.05 / count)
@@ -48,7 +55,7 @@ def forecast(table: Table, trials: int, count: int) -> Figures:
 
 
 def cell_run(tree: Path, count: int) -> list[Part]:
-    """Parts in the simulated cell.
+    """Runs parts in the simulated cell; returns them as `grasp-runtime --json` prints them.
 
     Raises:
         SystemExit: the run ended with a fault.
@@ -62,7 +69,7 @@ def cell_run(tree: Path, count: int) -> list[Part]:
 
 
 def measured(parts: Sequence[Part]) -> Figures:
-    """What parts took, and how they ended."""
+    """Figures of the parts of a run: their seconds and squeezes, and how many were not located rightly."""
     outcomes = Counter(part["outcome"] for part in parts)
     wrong = sum(part["outcome"] == "leaf" and not part["within_goal"] for part in parts)
     ends = {"rejected": outcomes["reject"], "unresolved": outcomes["unresolved"], "wrong": wrong}
@@ -71,7 +78,7 @@ def measured(parts: Sequence[Part]) -> Figures:
 
 
 def same_squeezes(table: Table, parts: Sequence[Part]) -> Figures:
-    """What the model of time says of the squeezes that parts took."""
+    """Figures of the same parts by the table's model of time, applied to their squeezes."""
     schedule = Schedule.of(table, job_of(table))
 
     def seconds() -> Iterator[float]:
@@ -85,7 +92,7 @@ def same_squeezes(table: Table, parts: Sequence[Part]) -> Figures:
 
 
 def _squeezed(table: Table, part: Part) -> Iterator[Squeezed]:
-    """The squeezes of a part."""
+    """Yields the node, width and branch of each squeeze of a printed part."""
     leaf = [] if part["leaf"] is None else [~part["leaf"]]
     targets = [*part["path"][1:], *leaf, REJECT]
     for node, width_mm, target in zip(part["path"], part["readings_mm"], targets, strict=False):
@@ -100,7 +107,7 @@ def _timed(seconds: Counter[float], squeezes: float) -> Figures:
 
 
 def main() -> None:
-    """Measure, write, print."""
+    """Measures each table, writes the results, and prints them as a table."""
     parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--count", type=int, default=500)

@@ -1,11 +1,13 @@
-"""A robot that asks, over many parts: the answers of a driven run, and how long one takes.
+"""Compares a robot that asks a server with a run that drives the robot, and times the server's answers.
 
     python tests/bench/bench_serve.py [--parts 1000] [--seed 5]
 
-The same simulated parts twice, by the planner's contact world: once moved by the executor, once by the client
-of tools/docs/clients/robot.py, which asks a server in another process. Ends with 1 where an answer differs.
-The executor turns the plan to where the hand stands, and closes fast until just before the part; a server
-does neither, so the table has no job and no widths of first contact.
+The same simulated parts are located twice, in the planner's contact world. First the executor moves the
+robot. Then the client of tools/docs/clients/robot.py moves it, and asks a server in another process. Ends
+with 1 if an answer differs.
+
+The executor may turn the plan to the angle of the hand, and closes fast until just before the part. A server
+does neither. Therefore the table has no job and no widths of first contact here.
 """
 
 import sys
@@ -26,7 +28,7 @@ from runtime.table import dump, load
 
 
 class Timed:
-    """A connection that times each answer."""
+    """A connection that records the time of each answer."""
 
     def __init__(self, connection: object) -> None:
         self._connection, self.spent_ms = connection, []

@@ -1,9 +1,9 @@
-"""How well the squeeze converges, and how fast it is, beside scipy and MuJoCo; not part of the gate.
+"""Measures how well squeezes converge, and how fast they are computed beside scipy and MuJoCo.
 
     python tests/bench/bench_squeeze.py [--poses 2000] [--only convergence goldberg speed compile]
 
-Prints tables and writes `results/squeeze.json` beside this file. The speed of MuJoCo is measured where
-the extra `mujoco` is installed.
+Prints tables and writes `results/squeeze.json` beside this file. The speed of MuJoCo is measured if the extra
+`mujoco` is installed. Not part of `tools/check`.
 """
 
 import argparse
@@ -56,7 +56,11 @@ print(time.perf_counter() - imported, imported - start)
 
 
 def convergence(poses: int) -> list[Row]:
-    """Default step against one 20 times finer: every outline, both discs, random friction and surfaces."""
+    """Compares squeezes at the default step with squeezes at a step 20 times finer.
+
+    Returns:
+        A row for each outline and each disc of initial positions; friction and limit surfaces are random.
+    """
     table = []
     for name, make in OUTLINES.items():
         outline = make()
@@ -103,7 +107,7 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
 
 
 def goldberg() -> Row:
-    """Frictionless long jaws on random convex polygons: how many end in a valley of the width function."""
+    """Squeezes random convex polygons without friction; counts ends in valleys of their width."""
     polygons, poses, ended, held = 200, 10, 0, 0
     for seed in range(polygons):
         rng = np.random.default_rng(seed)
@@ -123,7 +127,7 @@ def goldberg() -> Row:
 
 
 def speed() -> list[Row]:
-    """Squeezes a second on one core, and how many times faster that is than scipy and MuJoCo."""
+    """Measures squeezes a second on one core, and the ratios to those of scipy and MuJoCo."""
     table = []
     for name, count in (("rectangle", 20_000), ("butterfly", 10_000)):
         outline = OUTLINES[name]()
@@ -140,7 +144,7 @@ def speed() -> list[Row]:
 
 
 def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
-    """The twin and MuJoCo on the same poses with nominal parameters, and how far off they end."""
+    """Squeezes poses by the scipy twin and by MuJoCo; compares speeds and results with ours."""
     nominal = part.roll_out(poses, part.nominal(len(poses), 0.5))
     model = Part(part.outline, part.surface.A, part.surface.rho_mm, 0.5, JAWS)
     clock = time.perf_counter()
@@ -178,7 +182,7 @@ def _timed(call: Callable[[], object]) -> float:
 
 
 def first_call() -> Row:
-    """Seconds of the first squeeze in a fresh process, with an empty and with a filled kernel cache."""
+    """Measures how long a process takes for its first squeeze, with an empty and a filled kernel cache."""
     seconds = []
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"SQUEEZETREE_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)}
@@ -191,7 +195,7 @@ def first_call() -> Row:
 
 
 def main() -> None:
-    """Run the chosen benches and record them."""
+    """Runs the chosen studies and adds their figures to the file of results."""
     parser = harness.parser(__doc__)
     parser.add_argument("--poses", type=int, default=2000, help="for each part and disc")
     benches: dict[str, Callable[[argparse.Namespace], Any]] = {

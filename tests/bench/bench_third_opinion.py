@@ -1,12 +1,15 @@
-"""Where the second opinion differs: single squeezes in DART, an engine of hard contacts; not in the gate.
+"""Compares single squeezes in three worlds: the contact world, MuJoCo, and DART, which has hard contacts.
 
     python tests/bench/bench_third_opinion.py [--parts kite ...] [--squeezes 60]
 
-Needs `dartpy` and the extra `mujoco`. The part slides in the plane: each of the second opinion's feet carries
-the same load, and Coulomb friction along its velocity, so no limit surface is fitted. Fingers are boxes that
-close at the job's speed until its force stalls them; DART solves their contacts as a linear complementarity
-problem, with no compliance. All worlds squeeze the same random poses with the middle of the job's friction.
-Prints figures and writes `results/third_opinion.json` beside this file, part by part.
+Needs `dartpy` and the extra `mujoco`. In DART the part slides in the plane on the same feet as in MuJoCo.
+Each foot carries the same load and is braked by Coulomb friction, so no limit surface is fitted. The fingers
+are boxes that close at the job's speed until the job's force stalls them. DART solves their contacts as a
+linear complementarity problem, without compliance. All worlds squeeze the same random poses, at the middle of
+the job's range of friction.
+
+Prints figures and writes `results/third_opinion.json` beside this file, part by part. Not part of
+`tools/check`.
 """
 
 import math
@@ -39,7 +42,7 @@ SLOWEST_S = 5.0
 
 
 class DartWorld:
-    """Squeezes of one part by one gripper. Lengths are mm and forces mN."""
+    """A DART world in which one gripper squeezes one part. Lengths are mm and forces mN."""
 
     def __init__(self, job: Job, mu: float) -> None:
         gripper, outline = job.gripper, simplified(job.part.outline_mm, mujoco.SIMPLIFY_MM)
@@ -106,7 +109,7 @@ class DartWorld:
             apart.addBodyNodePairToBlackList(upper, lower)
 
     def squeeze(self, pose: Array) -> Array:
-        """Where the part ends, and the width (4,) [mm, mm, rad, mm]."""
+        """Squeezes the part at a pose; returns its final pose and the width (4,) [mm, mm, rad, mm]."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         ends = self.outline @ np.array([s, c]) + pose[1]
         start = max(0.5 * self.opening - max(ends.max(), -ends.min()) - LEAD_MM, 0.0)
@@ -131,7 +134,7 @@ class DartWorld:
         return np.array([*self.part.getPositions(), widths[-1]])
 
     def _coupled(self) -> float:
-        """Brings both jaws as far as one drive does; returns how far that is."""
+        """Moves both jaws to their mean position, as one drive would; returns how far each closed."""
         closed = np.mean([jaw.getPositions() for jaw in self.jaws], axis=0)
         speed = np.mean([jaw.getVelocities() for jaw in self.jaws], axis=0)
         for jaw in self.jaws:
@@ -140,7 +143,7 @@ class DartWorld:
         return float(closed[0])
 
     def _table(self) -> Array:
-        """Friction with the table (3,), of every foot along its velocity."""
+        """Friction of the table on the part, a force and a torque (3,); it brakes each foot."""
         angle, (vx, vy, turn) = self.part.getPositions()[2], self.part.getVelocities()
         c, s = math.cos(angle), math.sin(angle)
         at = self.feet @ np.array([[c, s], [-s, c]])
@@ -151,17 +154,17 @@ class DartWorld:
 
 
 def unit(way: Array) -> Array:
-    """A direction."""
+    """A vector, scaled to length 1."""
     return np.asarray(way / np.hypot(*way))
 
 
 def ball() -> Any:
-    """A corner, as a tiny sphere."""
+    """The shape of a corner: a tiny sphere."""
     return dartpy.dynamics.SphereShape(ROUND_MM)
 
 
 def add(body: Any, shape: Any, at: Array, angle: float, mu: float) -> None:
-    """Puts a shape on a body, at a place (2,) and turned."""
+    """Adds a shape to a body, at a place (2,), turned by an angle, with friction `mu`."""
     node = body.createShapeNode(shape)
     node.createCollisionAspect()
     node.createDynamicsAspect().setFrictionCoeff(mu)
@@ -172,7 +175,7 @@ def add(body: Any, shape: Any, at: Array, angle: float, mu: float) -> None:
 
 
 def bench(part: str, squeezes: int) -> dict[str, Any]:
-    """One part's squeezes in three worlds."""
+    """Squeezes a part at random poses in the three worlds; counts squeezes that end alike in two."""
     job = job_file.load(second.TREES / part / "job.toml")
     rng = np.random.default_rng(second.SEED)
     mu = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)

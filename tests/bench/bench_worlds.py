@@ -1,11 +1,11 @@
-"""Plans in worlds that are not what they believe: how often is an answer confident and wrong?
+"""Measures how often plans give confident wrong answers in worlds that differ from their assumptions.
 
     python tests/bench/bench_worlds.py [--parts butterfly-10 ...] [--trials 20000]
 
-Not part of the gate. The jobs of Table I are planned with doubts about the cell; with these and a doubt of
-the scatter of friction with the table, as `plan-init` writes it; and with surer leaves. All plans go through
-the standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and writes
-`results/worlds.json` beside this file.
+Each job of Table I is planned three times: with doubts about the cell; with these doubts and one about the
+scatter of friction with the table, as `plan-init` writes it; and with the doubts and a higher confidence of
+the leaves. All plans are evaluated in the standard worlds of `plan-evaluate --sweep`, with the same parts.
+Prints figures and writes `results/worlds.json` beside this file. Not part of `tools/check`.
 """
 
 import platform
@@ -43,7 +43,7 @@ SEED = 99
 
 
 def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
-    """One plan in all the worlds."""
+    """Plans a part in one of the ways `PLANS` and evaluates the plan in all worlds; returns a row."""
     job = job_file.load(TREES / part / "job.toml")
     start = time.perf_counter()
     table = compile_job(job.replaced(**PLANS[plan])).table

@@ -1,10 +1,10 @@
-"""A fixed sample of the outlines of tools/zoo500, planned and judged before a release; not in the gate.
+"""Plans and judges a fixed sample of the outlines of tools/zoo500, before a release.
 
     python tests/bench/bench_zoo.py [--sample 20] [--budget 120s] [--done]
 
-Needs the packages that the outlines come from; without them it says how to get them. Prints a line for each
-and writes `results/zoo500.json` beside this file: names and figures, no outlines. With `--done` it goes on
-from what tools/zoo500 has done.
+Prints a line for each outline and writes `results/zoo500.json` beside this file: names and figures, no
+outlines. With `--done` it continues after the outlines that tools/zoo500 has done. If the packages that the
+outlines come from are missing, the command says how to get them. Not part of `tools/check`.
 """
 
 import json

@@ -1,6 +1,7 @@
-"""Many short histories of cells that begin to drift: how often each drift is flagged within fifty parts.
+"""Simulates short histories of cells that begin to drift; counts drifts flagged within 50 parts.
 
-Limits were chosen with other seeds (0 to 99, 500 to 519, from 700 000 on); those here are for nothing else.
+The limits of the charts were chosen with other seeds (0 to 99, 500 to 519, from 700 000 on). The seeds of
+this module are used for nothing else.
 """
 
 import copy
@@ -21,8 +22,8 @@ from runtime.table import Table
 
 BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here
-RARE = 1e4  # parts to a false alarm that a drift must be told apart at
-POOL = 40_000  # parts that the shares of a drift are counted in; for the planned ones five times as many
+RARE = 1e4  # healthy parts to one false alarm, for the bound
+POOL = 40_000  # parts of a drift whose readings are counted; of the healthy cell five times as many
 FRICTIONS = ((0.05, 0.15), (0.2, 0.3), (0.28, 0.42), (0.34, 0.51), (0.46, 0.69), (0.5, 0.75))
 FRICTIONS += ((0.6, 0.8), (0.7, 0.9), (0.8, 1.0))
 DRIFTS = {
@@ -35,7 +36,7 @@ DRIFTS = {
 
 
 def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[str, Any]:
-    """False alarms in so many blocks of 10 000 healthy parts."""
+    """Runs `blocks` blocks of 10 000 healthy parts; returns the number and the rate of false alarms."""
     alarms: Counter[str] = Counter()
     for block in range(blocks):
         monitor, seed = Monitor(table, expected), FRESH + block
@@ -47,7 +48,12 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
 
 
 def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[str, Any]:
-    """For each drift: shares of runs flagged within 50 parts, the delays, and what could be had at best."""
+    """Runs `runs` histories of each drift.
+
+    Returns:
+        For each drift: the shares of histories that are flagged within 50 parts, the delays, and what `bound`
+        returns.
+    """
     seed = FRESH + 1000
     starts = [_started(table, job, expected, seed + run) for run in range(runs)]
     planned = _shares(squeezed(table, job, 5 * POOL, seed - 1), table)
@@ -68,19 +74,21 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
 
 
 def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, float]:
-    """What no chart of readings could better, if a reading depends on those before it by its node alone.
+    """Bounds how often any chart of readings could flag a drift.
 
-    A chart with one false alarm in `RARE` parts raises one in `WITHIN` given healthy parts with probability
-    `WITHIN / RARE` at most. Of all tests of that size the likelihood ratio is the most powerful (Neyman and
-    Pearson 1933), though it is told when the friction changed, and to what.
+    The bound assumes that a reading depends on earlier readings by its node alone. A chart with one false
+    alarm in `RARE` healthy parts raises one within `WITHIN` of them with a probability of at most `WITHIN /
+    RARE`. Of all tests with this probability of a false alarm, the likelihood ratio detects a change most
+    often (Neyman and Pearson 1933). It even knows when the friction changed, and to what.
 
     Args:
         gain: (nodes, bins) logarithm of how much likelier each reading is after the change.
-        unchanged: healthy parts, others than those that `gain` is from.
-        result: parts after the change, others too.
+        unchanged: healthy parts, none of them used for `gain`.
+        result: parts after the change, none of them used for `gain`.
 
     Returns:
-        `at_best`, the share of histories that it flags; `nats_in_50`, its mean statistic after the change.
+        `at_best`: share of histories that the likelihood ratio flags; `nats_in_50`: its mean logarithm after
+            the change.
     """
     healthy, changed = (_windows(gain, parts) for parts in (unchanged, result))
     limit = np.quantile(healthy, 1.0 - WITHIN / RARE)
@@ -88,7 +96,7 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
 
 
 def _windows(gain: Array, result: Evaluation) -> Array:
-    """Log-likelihood ratios of `WITHIN` parts each."""
+    """Log-likelihood ratios of successive groups of `WITHIN` parts, one value a group."""
     bins = bins_of(result.table, np.maximum(result.steps, 0))
     record = np.where(result.path >= 0, gain[result.path, bins], 0.0).sum(axis=1)
     return np.asarray(record.reshape(-1, WITHIN).sum(axis=1))
@@ -101,7 +109,7 @@ def _shares(result: Evaluation, table: Table) -> Array:
 
 
 def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monitor:
-    """Charts that have seen the healthy parts before a drift."""
+    """A monitor whose charts have seen `BEFORE` healthy parts."""
     monitor = Monitor(table, expected)
     for part in parts(table, squeezed(table, job, BEFORE, seed), seed, HEALTHY):
         monitor.add(part)
@@ -109,7 +117,7 @@ def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monito
 
 
 def _first(start: Monitor, stretch: list[Part]) -> dict[str, int]:
-    """The first alarm of each chart, in parts since the drift began."""
+    """The first alarm of each chart that raises one: the number of the part after the drift began."""
     monitor, result = copy.deepcopy(start), {}
     for number, part in enumerate(stretch, start=1):
         for alarm in monitor.add(part):

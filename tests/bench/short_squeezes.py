@@ -1,9 +1,10 @@
-"""Seconds a part in the simulated cell, in virtual time, with and without each measure that saves some.
+"""Prints the seconds a part with and without each measure that saves time, in the simulated cell.
 
     python tests/bench/short_squeezes.py trees/rectangle/rectangle.msgpack --parts 100
 
-Beside it what the model of time says of the same squeezes. The measures are switched off in the code at hand.
-Of several tables it shows a row each: with all of the measures, and with none of them.
+Seconds are those of virtual time. Beside them stands what the model of time gives for the same squeezes. A
+measure is switched off by patching the code. With several tables it prints a row each, which compares all
+measures with none.
 """
 
 import statistics
@@ -29,14 +30,14 @@ from runtime.table import load as load_table
 
 
 class Nowhere:
-    """A journal that keeps nothing."""
+    """A journal that keeps no record."""
 
     def record(self, kind: str, fields: object) -> None:
-        """Forget it."""
+        """Drops the record."""
 
 
 def _sequential(hand: Hand, squeeze, following) -> None:
-    """Open as far as the squeeze to come wants, at the squeeze's speed, and wait."""
+    """Replaces `Hand.let_go`: opens at the squeeze's speed, as far as the next squeeze needs, and waits."""
     hand.where()
     wide = max(squeeze, following, key=lambda ours: ours.opening_um)
     hand.jaws.open_to(squeeze, wide.opening_um / 1000)
@@ -78,7 +79,7 @@ MEASURES = (CONTACT, OPENING, REGRASP, RADIUS, SHORT_WAY, *OFF)
 
 
 def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tuple[float, float]]:
-    """What parts take, and what the model says."""
+    """Runs parts without some measures; returns measured and modelled seconds of all but the first."""
     if CONTACT in without:
         table = replace(table, nodes=tuple(node._replace(contact_um=None) for node in table.nodes))
     if OPENING in without:
@@ -108,7 +109,7 @@ def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tup
 
 
 def _wide(node, table: Table):
-    """The node with the jaws fully open before it."""
+    """The node, with its jaws fully open before the squeeze."""
     return node._replace(squeeze=node.squeeze._replace(opening_um=table.gripper.opening_um))
 
 
@@ -133,7 +134,7 @@ def _branch(table: Table, node: int, target: int | None) -> int:
 
 
 def main() -> None:
-    """Print a row a table, or a row a measure."""
+    """Prints a row for each measure of one table, or a row for each of several tables."""
     parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--parts", type=int, default=100)

@@ -16,7 +16,7 @@ COMMANDS = parsers()
 
 
 def every(result: dict) -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """All commands and subcommands by the words that call them."""
+    """Yields all commands and subcommands, each as its words and its parser."""
     for name, built in result.items():
         yield name, built
         if name == "squeezetree":  # its subcommands are the others

@@ -81,13 +81,13 @@ def imported(path: Path) -> set[str]:
 
 
 def lint(folder: Path) -> Ended:
-    """Run import-linter in a folder with the contracts of this project."""
+    """Runs import-linter in a folder, with the contracts of this project; returns how it ended."""
     options = ["--config", ROOT / "pyproject.toml", "--no-cache"]
     return ended([sys.executable, "-c", LINT, *options], cwd=folder)
 
 
 def plant(folder: Path, modules: dict[str, str]) -> None:
-    """Write a tree of modules."""
+    """Writes the source of modules, by path, into a folder."""
     for name, source in modules.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -125,7 +125,7 @@ def test_contracts_allowed_imports_are_accepted(tmp_path):
 
 @pytest.mark.slow
 def test_contracts_each_forbidden_import_is_reported(tmp_path):
-    """One tree has all of them; each is reported in the section of the contract that it breaks."""
+    """One tree has all forbidden imports. Each is reported in the section of the contract that it breaks."""
     modules = dict(CLEAN)
     for module, imported, _ in BROKEN:
         modules[f"{module.replace('.', '/')}.py"] += f"import {imported}\n"

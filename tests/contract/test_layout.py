@@ -14,7 +14,7 @@ TOPS = ("planner", "runtime", "drivers")
 
 
 def packages_of(files: str) -> set[str]:
-    """The packages in whose folders such files lie."""
+    """The packages whose folder holds a file with a name like `files`."""
     modules = (module for top in TOPS for module in (ROOT / top).rglob(files))
     return {".".join(module.parent.relative_to(ROOT).parts) for module in modules}
 
@@ -31,7 +31,7 @@ HEADINGS = ["Status", "Context", "Decision", "Consequences"]
 
 
 def folders(path: Path) -> set[str]:
-    """Names of the folders in path, without those that git ignores by name and git's own."""
+    """Names of the folders in `path`, without `.git` and those that git ignores."""
     lines = (ROOT / ".gitignore").read_text().splitlines()
     ignored = [line.strip("/") for line in lines if line.strip()]
     names = {entry.name for entry in path.iterdir() if entry.is_dir() and entry.name != ".git"}

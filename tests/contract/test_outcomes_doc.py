@@ -22,7 +22,7 @@ UNIT = (ROOT / "tools" / "systemd" / "squeezetree@.service").read_text()
 
 
 def setting(name: str) -> str:
-    """A setting of the unit."""
+    """The value of a setting in the systemd unit."""
     (value,) = re.findall(rf"^{name}=(.*)$", UNIT, re.MULTILINE)
     return str(value)
 

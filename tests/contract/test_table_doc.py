@@ -16,7 +16,7 @@ PROSE = " ".join(PAGE.split())
 
 
 def section_row(section: Section) -> str:
-    """The row of a section: its name, number of records and meaning."""
+    """The row that TABLE.md should have for a section: name, number of records, meaning."""
     number = "one record"
     if section.row:
         least = "" if section.least == section.most else f"{section.least}.."
@@ -27,7 +27,7 @@ def section_row(section: Section) -> str:
 
 
 def field_row(field: Field) -> str:
-    """The row of a field: its name, type and range, and meaning."""
+    """The row that TABLE.md should have for a field: name, type and range, meaning."""
     values = {
         "int": f"{field.least}..{field.most}",
         FLAG: "0 or 1",
@@ -39,7 +39,7 @@ def field_row(field: Field) -> str:
 
 
 def rows() -> list[str]:
-    """The list of all sections and fields, a line a row."""
+    """The rows that TABLE.md should have for all sections and fields."""
     return [
         line
         for section in SECTIONS

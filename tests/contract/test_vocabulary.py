@@ -73,7 +73,7 @@ def parameters_of(function: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
 
 
 def prose_of(page: str) -> str:
-    """A page without its code and its addresses."""
+    """The text of a Markdown page without its code and its link addresses."""
     return re.sub(r"(?s:```.*?```)|`[^`\n]*`|\]\([^)]*\)", " ", page)
 
 

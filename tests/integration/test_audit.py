@@ -134,7 +134,7 @@ def test_judge_silent_camera_answers_unknown_after_deadline(files):
 
 
 def test_judge_above_memory_limit_restarts_between_two_answers(files, tmp_path):
-    """Only a restarted process reads the calibration again. It does not restart while a question waits."""
+    """Only a restarted process reads the calibration again. No process restarts while a question waits."""
     (tmp_path / "drivers.py").touch()  # the restarted process must not import it for the package
     with Judge("--memory-mb", "1", folder=tmp_path, **files) as audit:
         assert audit.ask()["verdict"] == "pass"
@@ -211,7 +211,7 @@ def test_serve_full_process_answers_waiting_questions_before_restart():
 
 
 def test_grasp_runtime_audit_by_another_table_is_refused_before_motion(files, tmp_path, capsys):
-    """Leaves of the two tables lie 14.8 mm apart. The run asks the auditor for its table before it starts."""
+    """The auditor's table lacks the job. Before a run moves anything, it asks for the auditor's table."""
     other = tmp_path / "other.msgpack"
     dump(replace(load(TABLE).table, job=None), other)
     words = (f"--{name} {path}" for name, path in {**files, "tree": other}.items())

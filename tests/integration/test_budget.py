@@ -87,7 +87,7 @@ def whole(job):
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
 def test_compile_job_spent_budget_returns_whole_tree_and_open_share(job, whole, share):
-    """A budget that is not spent cuts nothing short."""
+    """With its full time the plan is not cut short. With a share of the time it is, but its tree is whole."""
     assert whole[0].cut is None
     plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
@@ -99,13 +99,13 @@ def test_compile_job_spent_budget_returns_whole_tree_and_open_share(job, whole, 
 
 @pytest.mark.timeout(600)
 def test_compile_job_budget_starts_after_kernels_are_loaded(job):
-    """Kernels compile for half a minute, in which the budget of a first plan would be spent."""
+    """Compiling the kernels takes half a minute, more than the budget of many a first plan."""
     _, out, err = ended([sys.executable, "-c", LOADING, job], timeout=None)
     assert out == "[]\n", err
 
 
 def test_compile_job_goal_finer_than_readings_is_refused_in_one_line(monkeypatch):
-    """Without a budget, only the limit of nodes ends such a search."""
+    """The search for so fine a goal would go on; here the limit of nodes ends it early."""
     monkeypatch.setattr(search, "MOST_NODES", 40)
     rectangle = job_file.load(JOB)
     fine = rectangle.replaced(goal={"distance_mm": 0.02}, search={"particles": 4000})

@@ -39,7 +39,10 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 def thin_table() -> Table:
-    """One squeeze with four branches: nothing held, a grip that the flag may miss, about 5 mm, and 21 mm."""
+    """A table of one squeeze with four branches: empty jaws, and parts of about 2.6, 4.6 and 21 mm.
+
+    The object flag may miss the thinnest part.
+    """
     widths = (0, 0, 900), (1_500, 2_600, 3_500), (4_000, 4_600, 6_500), (20_000, 21_000, 22_000)
     table = small_table()
     branches = tuple(Branch(*row, 250_000, ~number) for number, row in enumerate(widths))
@@ -98,7 +101,7 @@ def test_evaluate_each_width_follows_decision_map() -> None:
 
 
 def small_job(path: Path, *change: str) -> Path:
-    """A job that is planned in seconds."""
+    """Writes a job that is planned in seconds, with some changes."""
     return quick_job(path, "particles = 200\nmax_depth = 3", *change)
 
 

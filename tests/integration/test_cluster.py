@@ -45,9 +45,9 @@ def appeared(path):
 
 
 class Machines:
-    """`dask scheduler` and `dask worker` processes on loopback, which tests share while they live.
+    """Processes of `dask scheduler` and `dask worker` on loopback, which the tests share.
 
-    Tests that kill them come last.
+    Tests that kill processes come last.
     """
 
     def __init__(self, folder, stack):
@@ -99,7 +99,7 @@ def test_cluster_map_keeps_order_and_raises_original_error(machines, tmp_path):
 
 
 def test_plan_compile_on_cluster_writes_identical_tables(machines, tmp_path):
-    """A sweep of two jobs and an invalid one, then one job alone."""
+    """The cluster compiles a sweep of two jobs and an invalid one, then one job alone."""
     job = quick_job(tmp_path / "job.toml", "particles = 300\nmax_depth = 3")
     address = ["--scheduler", machines.with_workers(2).address]
     words = [str(job), "--trials", "100", "--no-advice"]

@@ -15,8 +15,10 @@ from runtime.table import wilson_interval
 
 
 def test_commissioning_page_commands_print_shown_output(work, environment):
-    """Three blocks differ: the first names the reader's devices, here simulated ones, and the calibrations,
-    which need gauge blocks between the fingers, are left out (other tests run them)."""
+    """Simulated devices take the place of the reader's, which the page's first block names.
+
+    The two calibrations are left out, since they need gauge blocks between the fingers; other tests run them.
+    """
     names, look, gauge, meet, *others = blocks(DOCS / "commissioning.md")
     assert [line.partition("=")[0] for line in names.commands] == ["port"]
     assert gauge.commands[0].startswith("grasp-calibrate width ")
@@ -37,7 +39,7 @@ def test_commissioning_page_commands_print_shown_output(work, environment):
 
 @pytest.mark.parametrize("part", ["rectangle", "gusset"])
 def test_commissioning_page_heights_raised_in_air_give_valid_job(part):
-    """Each height of a job that the page names is raised by as much as the page says."""
+    """The heights that the page names are raised by as much as the page says."""
     job = TREES / part / "job.toml"
     assert 0.96 < wilson_interval(100, 100)[0] < 0.97  # what the page's hundred parts can prove
     text = (DOCS / "commissioning.md").read_text()

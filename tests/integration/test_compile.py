@@ -39,7 +39,7 @@ WIDTHS_UM = np.array([GRIPPER.profile.reading_um(step) for step in OPENING])
 
 
 def meaning(node):
-    """The branch that each reading selects at a node, with the flag that the branch needs."""
+    """The number of the branch that a node selects at each reading, whatever the object flag."""
     meant = decision_map(node, GRIPPER).either
     return np.array([meant.at(width) for width in WIDTHS_UM.tolist()])
 
@@ -227,7 +227,7 @@ def test_compile_job_narrow_work_area_plans_drags_that_are_needed(job):
 
 
 def test_decision_map_width_beyond_margin_ends_at_no_leaf(plan):
-    """Between branches such widths are REJECT; within a branch to another node, the next squeeze decides."""
+    """Widths farther than the margin from every planned reading end in REJECT, or lead to another squeeze."""
     margin = MARGIN_MM * 1e3
     widths = WIDTHS_UM
     answered = 0
@@ -244,9 +244,10 @@ def test_decision_map_width_beyond_margin_ends_at_no_leaf(plan):
 
 
 def test_committed_table_wrong_answers_in_standard_worlds_are_within_goal():
-    """The world of 10 degrees of freedom is left out.
+    """The share of wrong answers stays below what the goal's confidence leaves.
 
-    The limit is that of the goal: two plans of one job differ by 0.9 % with the encoder 1 mm off.
+    A tighter limit would fail by chance: two plans of one job differ by 0.9 % with the encoder 1 mm off. The
+    world of 10 degrees of freedom is left out.
     """
     doubting = job_file.load(JOB)
     table = load(TABLE).table

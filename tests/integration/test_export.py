@@ -72,7 +72,7 @@ int main(int count, char **words)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Returns the folder of a table's export, which is written once."""
+    """A function that exports a table once and returns the folder of the export."""
     base = tmp_path_factory.mktemp("export")
 
     def result(name, form, table=None):
@@ -87,7 +87,7 @@ def folder(tmp_path_factory):
 
 
 def wild_rows(table, seed):
-    """Arguments that no gripper gives, with the answers that are due."""
+    """Yields arguments that no gripper gives (node, width, flag), each row with the right answer."""
     random, oracle = Random(seed), Oracle(table)
     values = [*WILD, *(random.randint(-(2**31), 2**31 - 1) for _ in range(5))]
     for node in (*values, *range(min(3, len(table.nodes))), len(table.nodes)):
@@ -233,7 +233,7 @@ int main(void)
 
 
 def test_export_two_prefixes_share_a_program_and_equal_ones_fail(tmp_path):
-    """With one prefix for both tables the compiler must fail instead of skipping the second header."""
+    """If both tables have one prefix, the compiler must fail and not skip the second header."""
     tables = {"left": small_table(), "right": every_field_table()}
     for name, table in tables.items():
         dump(table, tmp_path / "t.msgpack")

@@ -72,7 +72,10 @@ def run(cell: Cell, faults: Listed, *, faulty: bool) -> object:
 
 
 def allowed(outcomes: str, result: PartResult, sound: PartResult) -> bool:
-    """Whether the end of a part is one of the allowed outcomes."""
+    """Whether a part ended as one of `outcomes` allows.
+
+    "same" allows the end of the part without a fault, `sound`.
+    """
     how = result.outcome.value
     ends = {how, f"{how} {result.exit_code}"}
     ends |= {"same"} if (result.outcome, result.leaf) == (sound.outcome, sound.leaf) else set()
@@ -82,12 +85,15 @@ def allowed(outcomes: str, result: PartResult, sound: PartResult) -> bool:
 
 @cache
 def sound(name: str) -> object:
-    """How the part ends without a fault."""
+    """The result of the part in a cell without faults."""
     return run(CELLS[name], Listed(), faulty=False).last
 
 
 def faults(kind, cell, every_moment):
-    """Faults of a kind at the cell's moments; values and lengths alternate, or all occur at every moment."""
+    """Yields faults of a kind, one at each moment of the cell; their values and lengths alternate.
+
+    With `every_moment`, every value and length occurs at every moment.
+    """
     values = {kind.low, (kind.low + kind.high) / 2, kind.high}
     if kind.name not in IN_SECONDS:
         values = {round(value) for value in values}

@@ -24,7 +24,7 @@ TRIALS = 1000
 
 @pytest.fixture
 def seeds(monkeypatch):
-    """The seeds of all trials, in the order of the runs."""
+    """A list to which every evaluation adds its seed."""
     used = []
 
     def recorded(*arguments, **named):

@@ -20,7 +20,7 @@ RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
 
 
 class Station:
-    """A simulated cell in this process; a run that gets a signal is a separate process."""
+    """A simulated cell in this process. Runs that get a signal are separate processes."""
 
     def __init__(self, tree: Path) -> None:
         self.tree, self.journal = tree, tree.with_name("journal.jsonl")
@@ -37,7 +37,7 @@ class Station:
         return called(main, *self.words(*words))
 
     def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
-        """Starts a run and sends it a signal as soon as `when` holds; returns how the run ended."""
+        """Starts a run and sends it a signal as soon as `when` returns true; returns how the run ended."""
         process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
 

@@ -101,7 +101,7 @@ class Desk:
             self.files[name].write_text(text)
 
     def run(self, command: Command, out: Path) -> int:
-        """Run a command on the files; returns its exit code."""
+        """Runs a command that reads the desk's files and writes to `out`; returns its exit code."""
         names = {kind: out.with_suffix(f".{kind}") for kind in ("json", "svg")}
         names |= {"out": out, "folder": out.parent, **self.files}
         words = [word.format(**names) for word in command.words.split()]
@@ -113,7 +113,7 @@ class Desk:
         return cli.main([*words, *VIRTUAL, *REHEARSAL])
 
     def seen(self) -> dict[str, object]:
-        """Kind, device number, target or content of all that lies in the folder."""
+        """What lies in the folder, by path: content of files, target of links, or kind and device."""
         return {str(path): what_is(path) for path in self.folder.rglob("*")}
 
 
@@ -190,7 +190,7 @@ def test_command_output_that_is_no_regular_file_is_refused(desk, refuses, comman
 
 
 def test_command_output_named_by_job_or_named_twice_is_refused(desk, refuses):
-    """The job names the surface that plan-identify measured."""
+    """An output may be neither the surface file that the job names, nor the file of another output."""
     surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
     stated = 'kind = "boundary"'
@@ -273,7 +273,7 @@ def test_export_and_simulate_to_stdout_print_only_rows(
 
 
 def test_port_lock_other_name_of_locked_port_is_refused(desk, monkeypatch, capfd):
-    """The lock does not depend on XDG_RUNTIME_DIR, nor on the files in it."""
+    """The lock depends neither on XDG_RUNTIME_DIR, nor on the files in that folder."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))

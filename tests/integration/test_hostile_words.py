@@ -27,7 +27,10 @@ Execute = Callable[..., Ended]
 
 @pytest.fixture
 def execute(tmp_path: Path, monkeypatch) -> Execute:
-    """Runs a command in `tmp_path`, as a process if `shell` redirects; checks its code and standard error."""
+    """A function that runs a command in `tmp_path` and checks its exit code and standard error.
+
+    The command runs as a process if `shell`, such as a redirection, is given.
+    """
     monkeypatch.chdir(tmp_path)
 
     def run(entry: tuple[str, str], *words: object, code: int | None = None, shell="") -> Ended:

@@ -28,7 +28,11 @@ def words(tree: Path) -> list[object]:
 
 
 def run(words: list[object], *said: str) -> tuple[int, list[dict[str, object]], list[str]]:
-    """A run in which the person gives these answers, after which the input ends."""
+    """Runs a command while a person gives these answers, after which the input ends.
+
+    Returns:
+        Exit code, the printed objects, and the lines of standard error.
+    """
     code, out, err = ended(words, input="".join(f"{line}\n" for line in said))
     return code, [json.loads(line) for line in out.splitlines()], err.splitlines()
 
@@ -107,7 +111,7 @@ def test_grasp_runtime_manual_ctrl_c_stops_and_earlier_input_is_ignored(words, t
 
 
 class Person:
-    """A person who gives the same answer to all questions, which are recorded."""
+    """A person who gives the same answer to all questions; the questions are recorded."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: str = "") -> None:
         self.heard: list[str] = []

@@ -32,7 +32,7 @@ def identity(tmp_path_factory: pytest.TempPathFactory) -> Passport:
 
 
 class Program(threading.Thread):
-    """The program of a supervisor, in a thread beside the command in the main thread."""
+    """A supervisor's program; it runs in a thread, since the command runs in the main thread."""
 
     def __init__(self, port: int, identity: Passport) -> None:
         super().__init__(daemon=True)

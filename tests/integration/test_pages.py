@@ -21,9 +21,10 @@ TIMED = re.compile(rf"^(?:({SAID})|limit).*")
 
 @pytest.mark.slow
 def test_readme_commands_print_shown_output(work, environment):
-    """The scripts are left out: `tools/demo` runs the same commands, and `tools/check` runs this test.
+    """Scripts are left out: `tools/demo` runs the same commands, and `tools/check` runs this test.
 
-    The answer of `squeezetree try` within its budget depends on the machine.
+    What `squeezetree try` answers within its budget depends on the machine, so that its numbers are not
+    compared.
     """
     results = [
         block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])

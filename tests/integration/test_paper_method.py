@@ -24,12 +24,12 @@ def plans():
 
 
 def within(plan):
-    """Share of parts whose pose was predicted within 3 mm, as the paper counts: at every leaf."""
+    """Share of parts whose predicted pose is within 3 mm, at all leaves: as the paper counts."""
     return float(np.mean(plan.evaluation.within))
 
 
 def singleton_share(plan):
-    """Share of the parts that reach a leaf whose belief is a singleton under the learned models."""
+    """Share of parts at leaves whose belief the learned models take for a single pose."""
     leaves = [node for node in breadth_first(plan.root) if not node.children]
     standing = sum(leaf.share for leaf in leaves)  # branches that no trial took are cut off
     return sum(leaf.share for leaf in leaves if leaf.mode.ratio > SINGLETON_SHARE) / standing

@@ -105,7 +105,7 @@ def test_notebooks_are_stored_without_output(notebook):
 
 @EACH_NOTEBOOK
 def test_notebooks_run_without_error(notebook, monkeypatch, capsys):
-    """The test executes the cells in the notebook's folder; `tools/site` runs notebooks as a reader does."""
+    """Executes the code of a notebook in this process and in the notebook's folder, without Jupyter."""
     matplotlib.use("Agg")
     monkeypatch.chdir(notebook.parent)
     monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))

@@ -34,7 +34,7 @@ CAREFUL = RunOptions(Policy.of("resqueeze,restart,next", "restart,next"), LEVEL)
 
 
 def dragging_table() -> Table:
-    """The small table, whose root drags what it holds to where its second node squeezes."""
+    """The small table with a drag after its root, to the place where the second node squeezes."""
     table = small_table()
     root = table.nodes[0]._replace(release=Place(12_000, -7_000))
     second = table.nodes[1]
@@ -44,7 +44,7 @@ def dragging_table() -> Table:
 
 @pytest.fixture(autouse=True)
 def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Omits the syncs: they protect from a power cut, not from the kill of a process."""
+    """Omits syncs to the disk: they protect from a power cut, not from the kill of a process."""
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
@@ -53,7 +53,7 @@ Some = Callable[[int, int], range]
 
 @pytest.fixture
 def some(request: pytest.FixtureRequest) -> Some:
-    """Selects some of a number of moments: one in each step, or all with `--every-moment`."""
+    """A function that selects moments: every `step`-th of them, or all with `--every-moment`."""
     every = request.config.getoption("--every-moment")
     return lambda moments, step: range(0, moments, 1 if every else step)
 
@@ -72,7 +72,7 @@ Runs = Callable[[Table, int], Iterator[Killed]]
 
 @pytest.fixture
 def killed(some: Some, tmp_path: Path) -> Runs:
-    """Runs of a table, killed at one moment in each step; their motions have ended since."""
+    """A function that yields runs of a table, each killed at another moment; no device moves any more."""
 
     def runs(table: Table, step: int) -> Iterator[Killed]:
         for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), step):
@@ -94,7 +94,7 @@ def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
 
 
 def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_crash: str) -> tuple:
-    """Runs processes killed at these moments and one that survives; returns the part's outcome and leaf."""
+    """Runs a part in processes killed at the moments `deaths`, then to its end; returns outcome and leaf."""
     world = World(table, PATH)
     for last in (*deaths, None):
         try:
@@ -140,7 +140,7 @@ def test_restart_part_killed_at_any_moment_reaches_same_leaf(table, tmp_path, so
 
 
 def test_resume_run_killed_while_pushing_is_refused_and_repeats_no_push(killed):
-    """After a kill at other moments the run reaches its leaf, with each push made once."""
+    """Only a run killed while it pushed is refused; the others reach their leaf, with each push made once."""
     refused = 0
     for last, _, path, kinds in killed(pushing_table(), 23):
         path.unlink(missing_ok=True)
@@ -170,7 +170,7 @@ def test_abort_after_kill_ends_run_in_journal_and_moves_nothing(killed):
 
 
 def whole_kinds(path: Path) -> list[str]:
-    """The kinds of the records before a torn line."""
+    """The kinds of a journal's records; a torn line at the end is left out."""
     data = path.read_bytes() if path.exists() else b""
     whole = path.with_suffix(".whole")
     whole.write_bytes(data[: data.rfind(b"\n") + 1])

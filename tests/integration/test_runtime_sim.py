@@ -56,7 +56,7 @@ def wait_until_no_cell(tree: Path) -> None:
 
 
 def test_grasp_runtime_decisions_follow_table_and_are_journalled(tree: Path) -> None:
-    """In virtual time the same seed gives the same parts."""
+    """The run takes real time; a second run, in virtual time, has the same parts from the same seed."""
     more = ("--count", "6", "--seed", "3", "--time-scale")
     code, out, err = finish(start(tree, *more, "60", "--json"))
     parts = [json.loads(line) for line in out.splitlines()]

@@ -1,4 +1,4 @@
-"""`grasp-runtime --serve` answers an asking robot as a driven run decides, and as the page says."""
+"""`grasp-runtime --serve` gives a robot the answers of a driven run, as tools/docs/serve.md says."""
 
 import re
 import shutil
@@ -26,7 +26,7 @@ POSE = ("x_mm", "y_mm", "theta_rad")
 
 
 def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> list[object]:
-    """The answers that a client gets for a number of parts."""
+    """The answers that `locate`, a client's function, gets for a number of parts."""
     lines = []
     for _ in range(parts):
         robot.cell.scene.next_part()
@@ -157,7 +157,7 @@ def test_serve_misbehaving_robots_get_errors_and_stop_ends_part(tree):
 
 
 def good(served: Served) -> Line:
-    """A connection, once the server has noticed the end of the previous one."""
+    """Opens a connection once the server has noticed the end of the previous one; returns it."""
     until = time.monotonic() + WAIT_S
     while time.monotonic() < until:
         line = Line(served)

@@ -62,7 +62,7 @@ particles = 400
 
 
 def squares(small: float, large: float) -> str:
-    """The entries of two squares with these sides [mm]."""
+    """The TOML of two hypotheses, squares with these sides [mm]."""
     one = SQUARE.format(name="small", share=0.3, side=small)
     return one + SQUARE.format(name="large", share=0.7, side=large)
 
@@ -147,7 +147,7 @@ def test_tried_foreign_parts_are_counted_by_outcome(plan):
 
 
 def test_plan_evaluate_foreign_parts_are_generated_for_each_part(plan, tmp_path):
-    """For each of the two squares: a smaller one, a larger one, a disc and a rectangle."""
+    """For each of the two squares: a smaller and a larger square, a disc and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
     words = (tree, "--foreign-parts", "--trials", "200", "--json")
@@ -300,7 +300,7 @@ def report_of(table, folder, *more):
 
 
 def named_in(text):
-    """The rows of the page's table of names; the last column counts parts without a name."""
+    """The counts in the page's table of names, row by row; the last column counts parts without a name."""
     body = text.split('<table id="names">')[1].split("<tbody>")[1].split("</tbody>")[0]
     rows_of = re.findall(r"<tr>(.*?)</tr>", body)
     return [[int(count) for count in re.findall(r"<td>(?:<strong>)?(\d+)", row)] for row in rows_of]
@@ -331,7 +331,7 @@ def test_plan_report_several_parts_draws_and_counts_each(posed, tmp_path):
 
 
 def polygons(page):
-    """The outlines that panels use, each with its first coordinates [mm]."""
+    """The outlines of parts in a page: attributes of each polygon, and x of its vertices [mm]."""
     return [
         (attributes, [float(point.split(",")[0]) for point in attributes["points"].split()])
         for tag, attributes in page.elements

@@ -1,4 +1,4 @@
-"""Real processes are killed, or their journal is truncated, while the cell runs on; then others follow."""
+"""Processes of runs are killed, or their journal is truncated; the cell goes on, and other runs follow."""
 
 import os
 import shutil
@@ -28,7 +28,7 @@ def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: st
 
 
 def run(tree: Path, cell: RunningCell, *arguments: str) -> Ended:
-    """A run to its end, in this process."""
+    """Runs grasp-runtime to its end, in this process."""
     journal = tree.with_name("journal.jsonl")
     return called(main, *runtime_command(tree, cell, journal, *arguments)[3:])
 
@@ -72,7 +72,7 @@ def test_grasp_runtime_restart_ends_interrupted_part_beyond_count(tree: Path) ->
 
 
 def test_grasp_runtime_truncated_journal_stops_run_and_refuses_next(tree):
-    """The journal is copied and truncated, as `logrotate` does; unit tests displace it in other ways."""
+    """The journal is copied and truncated, as `logrotate` does; unit tests replace it in other ways."""
     journal, old = (tree.with_name(name) for name in ("journal.jsonl", "journal.jsonl.old"))
     with RunningCell(tree, time_scale=40) as cell:
         process = start(tree, cell, "--count", "1000")

@@ -32,7 +32,7 @@ def test_soak_under_random_faults_has_no_findings():
 
 
 def test_soak_same_seed_and_other_workers_is_identical():
-    """Without injected faults no part ends in a fault."""
+    """Without injected faults, no part ends in a fault."""
     words = ("--runs", "3", "--parts-per-run", "10", "--no-faults", "--seed")
     code, alone, out = script(*words, "40")
     assert (code, alone["crashes"], alone["runs"]) == (0, 0, 3), out

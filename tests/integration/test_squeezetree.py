@@ -33,7 +33,7 @@ Calls = list[list[str]]
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
-    """Replaces the installed programs; collects the arguments of their calls."""
+    """Replaces the installed programs by stand-ins; a list collects the arguments of the calls."""
     result: Calls = []
 
     entry = SimpleNamespace(load=lambda: lambda: result.append(sys.argv) or 7)

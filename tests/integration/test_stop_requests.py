@@ -86,5 +86,5 @@ def test_calibrate_end_of_stdin_stops_fingers_and_writes_nothing(
 
 
 def test_campaign_of_two_cases_has_no_failures() -> None:
-    """`tools/hostile signals` runs any number of cases."""
+    """This is a short campaign; `tools/hostile signals` runs as many cases as are asked for."""
     assert campaign(2, 16) == 0

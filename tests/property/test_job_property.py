@@ -29,7 +29,7 @@ anything = st.recursive(
 
 
 def star(lengths: list[float], shift: tuple[float, float]) -> np.ndarray:
-    """A simple polygon with one vertex at each of the lengths, at even angles."""
+    """A star-shaped polygon: its vertices are at these distances from the middle, at even angles."""
     angles = np.arange(len(lengths)) * math.tau / len(lengths)
     return np.array(lengths)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
 
@@ -59,7 +59,7 @@ def test_job_canonical_text_round_trips_exactly(lengths, shift, low, high, seed)
 
 
 def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None:
-    """The error with which a text is refused; any other exception fails the test."""
+    """The error with which a text is refused; None if it is read. Any other exception fails the test."""
     try:
         read(text, "my.toml")
     except InputError as error:

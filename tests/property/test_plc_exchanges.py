@@ -50,7 +50,10 @@ def test_study_handshake_that_loses_results_is_detected(state, event, monkeypatc
 
 @pytest.mark.parametrize("seed", range(2))
 def test_station_random_writes_keep_each_promise(seed: int) -> None:
-    """Writes, ends of parts, lost connections and pauses; the levels alone say what must follow."""
+    """A PLC writes random registers, parts end, the connection breaks, time passes: each step is checked.
+
+    What must follow is derived from the levels of the signals alone.
+    """
     random, plc = Random(seed), MemoryPlc()
     names = ("enable", "trigger", "result_acknowledge", "heartbeat_in", "trigger_id", "table")
     level = dict.fromkeys(names, 0)

@@ -1,4 +1,4 @@
-"""Random pushes by hand: the end hardly depends on how they are computed, and never overlaps the fingers.
+"""Random pushes by hand end nearly alike however they are computed, and never with the part in a finger.
 
 `tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """
@@ -24,7 +24,7 @@ def test_push_by_hand_computed_otherwise_ends_alike(shape):
 @pytest.mark.parametrize("opening", [0.0, 8.0, 12.0, 20.0])
 @pytest.mark.parametrize("beside", [0.0, 0.01, -0.3])
 def test_push_by_hand_flush_part_stays_flush(opening, beside):
-    """The ends of both fingers touch the side and the centre is between them, so no limit surface matters."""
+    """The fingers touch the part's side on both sides of its centre, so the limit surface has no effect."""
     n = 100
     start = np.tile([JAWS.length_mm / 2 + 16.0, beside, 0.0], (n, 1))
     end = simulator(rectangle()).push_by_hand(
@@ -34,7 +34,7 @@ def test_push_by_hand_flush_part_stays_flush(opening, beside):
 
 
 def test_push_by_hand_wedged_part_moves_along_from_start():
-    """Friction holds a tip between the fingers; pushed again, it moves with them at once."""
+    """Friction holds the part's tip between the fingers; in a second push it moves with them at once."""
     tip = np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])
     part, n, opening = simulator(tip), 200, np.full(200, 12.0)
     rng = np.random.default_rng(2)

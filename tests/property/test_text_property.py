@@ -98,7 +98,7 @@ def printed(written: Callable[[], object]) -> str:
 @given(odd)
 @settings(max_examples=15)
 def test_output_control_characters_are_escaped(text: str) -> None:
-    """Also where no reader checks the text: in an error, from a device, in a journal."""
+    """The text comes unchecked from an error, a device or a journal."""
     table = named(text)
     answers: list[str] = []
     parts = asked_parts(table)

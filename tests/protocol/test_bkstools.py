@@ -1,7 +1,7 @@
-"""The tools of SCHUNK, BKSModule and the scripts of bkstools, drive the simulated gripper unchanged.
+"""SCHUNK's own tools, BKSModule and the scripts of bkstools, drive the simulated gripper without changes.
 
-Each runs as a process, since bkstools replaces `serial.Serial.read` on import, and keeps a file in the home
-folder. Only the framing in the name of the port differs: a pseudo-terminal has no parity.
+Each tool runs as a process: bkstools replaces `serial.Serial.read` on import, and keeps a file in the home
+folder. Only the port's framing differs from that of a real gripper: a pseudo-terminal has no parity.
 """
 
 import contextlib

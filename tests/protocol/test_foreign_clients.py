@@ -34,7 +34,11 @@ def address(url):
 
 
 def master(cell, kind):
-    """A pymodbus client, its unit, and the addresses of the output and input blocks."""
+    """A pymodbus client for a kind of port, with what it needs for requests.
+
+    Returns:
+        The client, the gripper's unit, and the addresses of the blocks to write and to read.
+    """
     if kind == "pty":
         port = cell.endpoints["gripper"]
         client = ModbusSerialClient(port, baudrate=115200, timeout=0.2, retries=0)
@@ -46,7 +50,7 @@ def master(cell, kind):
 
 
 def seen_by(read, done):
-    """The first registers read for which `done` is true."""
+    """Calls `read` until `done` holds for the registers that it returns; returns these."""
     return until(lambda: [registers for registers in (read(),) if done(registers)])[0]
 
 
@@ -101,7 +105,7 @@ def test_cell_minimalmodbus_master_moves_gripper(cell):
 
 
 class AbbPy:
-    """The message formats of open_abb, as its Python client writes them."""
+    """A client that sends and parses open_abb's messages as that project's Python client does."""
 
     def __init__(self, url):
         self.socket = socket.create_connection(address(url), timeout=5.0)
@@ -151,7 +155,7 @@ def test_cell_arm_logger_streams_poses_and_joints(cell):
 
 
 def answer(client, inputs, unit):
-    """The registers of the gripper; empty where the request merged with the noise before it."""
+    """The registers that the gripper answers; empty if the request merged with earlier noise on the line."""
     time.sleep(0.03)  # silence that ends a frame
     client.socket.reset_input_buffer()
     try:

@@ -74,7 +74,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture
 def line(served: Served) -> Iterator[Supervisor]:
-    """The client in command, in the state Ready."""
+    """A supervisor that is in command of a server in the state Ready."""
     with served.supervisor() as supervisor:
         supervisor.call(f"{MACHINE}/Reset")
         supervisor.begin("two")

@@ -131,7 +131,7 @@ def test_arm_model_buffer_holds_512_and_drops_rest(arm):
 
 
 class Served:
-    """A server at 50 times real time, and its clients."""
+    """A simulated controller at 50 times real time, and its clients."""
 
     def __init__(self):
         self.model = ArmModel(BASE)
@@ -190,7 +190,7 @@ def test_arm_server_pipelined_commands_are_lost(served):
 
 @pytest.fixture
 def moving(served):
-    """A client whose move takes 20 s, 0.4 s here."""
+    """A client that has commanded a move of 20 s, which takes 0.4 s in the test."""
     client = served.client()
     talk(client, "8 5 90 #")
     client.sendall(b"1 100 0 100 0 1 0 0 #")

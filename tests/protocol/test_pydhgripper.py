@@ -24,7 +24,7 @@ def client(device):
 
 
 def settled(client):
-    """The state after a move."""
+    """Waits until the client reads a state other than moving; returns the state."""
     return until(client.read_state)
 
 

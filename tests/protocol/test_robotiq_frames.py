@@ -1,4 +1,4 @@
-"""Frames printed in the manuals of the 2F-85, byte for byte: the driver sends, the simulator answers them.
+"""Frames printed in the manuals of the 2F-85, byte for byte: the driver sends and the simulator answers them.
 
 The frames are those of `[M16]` p61-67 and `[M18]` p54, 62, and include their CRCs.
 """
@@ -25,7 +25,7 @@ READ_WRITE = "09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C"
 
 
 class Canned:
-    """Registers with the content of an example of a manual."""
+    """A Modbus device whose registers have the fixed content of a manual's example."""
 
     functions = frozenset({3, 23})
 

@@ -184,9 +184,9 @@ client.disconnect()
 
 
 def test_rtde_port_is_read_by_ur_rtde_receiver():
-    """The receiver connects only to port 30004, so the controller gets a separate loopback address.
+    """The receiver connects to port 30004 alone, so the controller gets a separate loopback address.
 
-    It holds the global interpreter lock while it connects, so it runs in a separate process.
+    It runs in a separate process, since connecting holds the global interpreter lock.
     """
     host = f"127.{os.getpid() >> 8 & 255}.{os.getpid() & 255}.7"
     arm = ArmModel(BASE)
@@ -245,7 +245,7 @@ def test_ur_model_after_noise_still_serves(rig):
 
 
 def hold(rig, **changed):
-    """From now on the controller reports no progress, and the changed values."""
+    """Freezes what the controller reports: no progress, and the values in `changed`."""
     frozen = rig.model.fields(rig.now())
     frozen |= {name: (frozen[name][0], (value,)) for name, value in changed.items()}
     rig.model.fields = lambda now_s: frozen

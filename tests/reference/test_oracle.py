@@ -26,7 +26,7 @@ def data():
 
 
 def squeezes(path):
-    """Initial and final poses (n, 3) in mm and rad, final openings (n,) in mm."""
+    """Reads recorded squeezes: initial and final poses (n, 3) [mm, mm, rad], and final openings (n,) [mm]."""
     with path.open(newline="") as file:
         names = ("x0_m", "y0_m", "th0_rad", "x_m", "y_m", "th_rad", "opening_m")
         table = [[float(row[name]) for name in names] for row in csv.DictReader(file)]

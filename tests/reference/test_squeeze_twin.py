@@ -11,7 +11,7 @@ CLOSE_MM, CLOSE_RAD = 0.3, math.radians(1.0)
 
 
 def poses_clear_of_the_fingers(outline, seed, count, radius):
-    """Poses that open fingers do not stand on."""
+    """Random poses at which the open fingers do not stand on the part."""
     poses = random_poses(np.random.default_rng(seed), 4 * count, radius)
     clear = [p for p in poses if deepest_overlap(outline, p, JAWS.opening_mm) == 0.0]
     return np.array(clear[:count])

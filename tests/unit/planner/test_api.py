@@ -166,7 +166,7 @@ def squeezed(belief: Belief) -> Outcomes:
 
 
 def rolled_with(model: Pomdp, **changes: np.ndarray) -> RollOut:
-    """Three squeezes with one of their parameters replaced."""
+    """Computes three squeezes with random parameters, of which `changes` replaces some."""
     return rolled(model, model.simulator.sample(3, RNG)._replace(**changes))
 
 
@@ -175,7 +175,7 @@ def rolled(model: Pomdp, parameters: Parameters) -> RollOut:
 
 
 def traits_with(**changes: float) -> Traits:
-    """The traits of three parts with some values replaced."""
+    """The planned traits of three parts, of which `changes` replaces some."""
     traits = as_planned(3)
     for name, value in changes.items():
         traits[name] = value

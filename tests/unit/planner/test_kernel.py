@@ -15,7 +15,7 @@ def doubled(x: float) -> float:
 def test_kernel_without_writable_cache_is_not_cached_and_warns_once(
     folder: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is not cached beside the module either, where numba would load stale code after an upgrade."""
+    """The kernel is not cached beside its module: numba would load stale code after an upgrade."""
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", folder)
     kernels._warn_once.cache_clear()
     makers = kernels.kernel, kernels.inner_kernel, kernels.inlined_kernel

@@ -15,7 +15,7 @@ from runtime.table import PPM, REJECT, decide, decision_map, dumps, loads, predi
 
 
 def meaning(node, table, job, felt=True):
-    """The branch that a node takes at each reading."""
+    """The number of the branch that a node's decision map gives for each count of the encoder."""
     decided, encoder = decision_map(node, table.gripper), encoder_of(job)
     widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
     return np.array([decide(decided, width, felt) for width in widths])

@@ -73,7 +73,7 @@ def test_planned_budget_begins_the_passes_that_leave_time_for_repairs(scripted, 
 def test_better_unfinished_pass_needs_a_lower_value_and_time_for_repairs(
     missing, value, explores, repairs, better
 ):
-    """Without both, its finished actions would have to locate more parts; here they locate no more."""
+    """A tree of higher value, or without time for repairs, must locate more parts; here none does."""
     new, root = SimpleNamespace(value=value), SimpleNamespace(value=3.0)
     search = SimpleNamespace(
         stage=PASSES[0]._replace(explores=explores),

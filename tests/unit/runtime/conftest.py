@@ -1,4 +1,4 @@
-"""What every unit test of the runtime needs."""
+"""For every unit test of the runtime: files are not synced to the disk."""
 
 import os
 
@@ -7,5 +7,5 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _no_waiting_for_the_disk(monkeypatch):
-    """No test cuts the supply, so records need not have reached the disk before the next one."""
+    """Omits syncs to the disk, which protect from a power cut: no test cuts the power."""
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)

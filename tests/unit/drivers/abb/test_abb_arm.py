@@ -1,4 +1,4 @@
-"""What only the open_abb driver does: frames, turns of the wrist, and leftovers of other clients.
+"""What only the open_abb driver does: frames, turns of the wrist, and settings that another client left.
 
 The contract of every arm is tested in tests/contract/test_arm_contract.py.
 """
@@ -26,7 +26,7 @@ def rig():
 
 @pytest.fixture
 def impatient(monkeypatch):
-    """Shorten both waits: for an answer, and after the process was kept from running."""
+    """Shorten both time limits of an answer: that of a real controller, and that of a simulated one."""
     monkeypatch.setattr(abb_arm, "ANSWER_S", 0.4)
     monkeypatch.setattr(abb_arm, "STARVED_S", 0.4)
 
@@ -131,7 +131,7 @@ def test_pose_after_interrupted_move_waits_for_its_end(rig):
 
 
 def stopped(arm, times):
-    """Stop the process past the deadline in each of its next `times` waits for an answer."""
+    """Make the next `times` waits for an answer outlast their deadline, as if this process were stopped."""
     receive = arm._link.receive
 
     def waited(seconds):

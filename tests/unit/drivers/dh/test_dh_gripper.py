@@ -17,14 +17,14 @@ PART_MM = 38.0  # position 400 of the AG-95
 
 
 def ready(seed=1, contact_mm=PART_MM):
-    """A device, and a driver that has initialised it."""
+    """A simulated device and a driver that has initialised it."""
     device = VirtualDh(contact_mm=contact_mm, seed=seed)
     return device, device.ready()
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_wait_late_state_register_ends_no_move_early(seed):
-    """For some cycles the register still shows the previous move, whose fingers stand still."""
+    """For some cycles the register still shows that the fingers stand still, as after the previous move."""
     _, gripper = ready(seed)
     for width_um, expected_um in ((0, 38_000), (95_000, 95_000), (60_040, 60_040), (0, 38_000)):
         gripper.move(width_um, 135.0, 45.0)

@@ -11,7 +11,7 @@ from drivers.sim.devices.gripper import GripperModel
 
 
 def lose(link, times=1, before=lambda block: None):
-    """Lose the next `times` writes; before each one `before` is called with its block."""
+    """Lose the next `times` writes, but first call `before` with the block of each."""
 
     def lost(block):
         nonlocal times
@@ -25,7 +25,7 @@ def lose(link, times=1, before=lambda block: None):
 
 
 def arrive(link):
-    """A `before` for `lose` that lets the write arrive, so that only its answer is lost."""
+    """An argument `before` of `lose`: the write arrives, so that only its answer is lost."""
     return lambda block: link.model.write_output(0, block, link.clock.time)
 
 

@@ -80,14 +80,14 @@ def test_modbus_link_read_silence_is_reported_and_tried_three_times():
 
 @pytest.mark.parametrize("late_s", [0.51, 0.6, 0.9, 1.2, 1.4])
 def test_modbus_link_read_late_answer_is_not_taken_for_later_one(late_s):
-    """Only its number of registers shows to which request an RTU answer belongs."""
+    """An RTU answer has no number; only the count of its registers shows which request it answers."""
     old = bytes.fromhex("F900 0000 0300")
     channel, _, _ = link([(late_s, answer(3, old))], [(0.004, answer(4))], [(0.004, answer(5))])
     assert channel.read() == STATUS
 
 
 class Starved(Line):
-    """A line to a process that is stopped for 5 s while it waits, `stops` times."""
+    """A line whose process is stopped for 5 s during each of the first `stops` waits for an answer."""
 
     stops = 1
 
@@ -214,7 +214,7 @@ def tcp_link(*script):
 
 
 def test_modbus_link_tcp_read_takes_answer_with_its_number():
-    """The driver skips stale answers and answers of other units before it."""
+    """The link skips stale answers, and answers of other units, that arrive before the right one."""
     wrong = mbap(1, status=bytes(6)) + mbap(7) + mbap(2, unit=3) + mbap(2, count=4)
     channel, line = tcp_link([(0.001, mbap(1))], [(0.001, wrong + mbap(2))])
     assert channel.read() == STATUS
@@ -230,7 +230,10 @@ def test_tcp_framing_number_wraps_and_is_never_zero():
 
 
 def gateway(*codes):
-    """A link to unit 9 behind a gateway that answers with these exceptions, and then with the status."""
+    """A link to unit 9 behind a gateway, and the link's line.
+
+    The gateway answers with these exception codes, then with the status.
+    """
     wiring = wiring_of("tcp://h:502?unit=9&output=0x03E8&input=0x07D0&function=3", TCP)
     pdus = [bytes((0x83, code)) for code in codes] + [b"\x03\x06" + STATUS]
     line = Line(*([(0.004, enveloped(number, 9, pdu))] for number, pdu in enumerate(pdus, 1)))

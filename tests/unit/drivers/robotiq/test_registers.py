@@ -1,4 +1,4 @@
-"""The register map: fields do not overlap, and they decode the frames printed in the manuals."""
+"""The register map: its fields do not overlap, and the frames printed in the manuals are decoded rightly."""
 
 import itertools
 

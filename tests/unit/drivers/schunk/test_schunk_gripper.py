@@ -31,7 +31,7 @@ def active(rig):
 
 
 def hold(rig, gripper):
-    """Let the fingers close on a part."""
+    """Put a part between the fingers and close them on it."""
     rig.part.width_mm = 41.0
     gripper.move(0, FAST, WEAK)
     gripper.wait()
@@ -219,7 +219,7 @@ def test_state_answer_lost_or_damaged_is_asked_for_again(rig, active, mishap):
 @pytest.mark.parametrize("holds", [False, True])
 @pytest.mark.parametrize("at", range(8))
 def test_move_with_lost_answer_writes_soon_after_reading_status(rig, active, at, holds):
-    """Where the answer to a write was lost, the driver reads the request back before it writes again."""
+    """If the answer to a write is lost, the driver first reads the request back, and then writes again."""
     if holds:
         hold(rig, active)
     looked, since = [], []

@@ -27,7 +27,7 @@ def line(*faults, checked=True):
 
 
 def through(result, reply=REPLY):
-    """The pieces that a line carries; None where it does not hear the request."""
+    """The pieces of a reply that a faulty line delivers; None if the request is lost."""
     return result.carries(REQUEST, reply) if result.hears() else None
 
 

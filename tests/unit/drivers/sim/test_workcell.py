@@ -16,7 +16,7 @@ CONTACT, ARRIVED = 2, 3  # object flags
 
 
 class Hands:
-    """A cell with its drivers; the gripper is active, and part 1 lies on the table."""
+    """A simulated cell with its drivers. The gripper is active, and part 1 lies on the table."""
 
     def __init__(self, *faults, world=None):
         self.cell = VirtualCell(setting(world), 3, Listed(faults))

@@ -1,4 +1,4 @@
-"""Latent parameters that a job states become traits, which particles keep."""
+"""The latent parameters in a job give each particle its traits, and the particle keeps them."""
 
 import numpy as np
 import pytest
@@ -106,7 +106,7 @@ def test_squeeze_encoder_offset_shifts_readings_only(job):
 
 
 def test_roll_out_finger_share_equals_gripper_with_that_share(job):
-    """Rows with another finger share end as with a gripper of that share; the other rows do not change."""
+    """Parts with another finger share end as with a gripper of that share; the other parts do not change."""
     n = 100
     poses = to_hand(initial(job, n, np.random.default_rng(9)), np.zeros(3))
     part = Simulator.of_job(job, 1)

@@ -1,4 +1,4 @@
-"""Particles: how they are drawn, and that choosing, repeating and joining keeps them whole."""
+"""Particles: how they are drawn; choosing, repeating and joining keeps the values of each together."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from planner.mechanics.traits import as_planned
 
 @pytest.fixture(scope="module")
 def belief(job):
-    """Parts with latent traits; the reading of each is its number."""
+    """A belief with traits, in which the reading of each particle is its number."""
     lying = believed(job, 300, np.random.default_rng(3))
     return Belief(lying.poses, lying.traits, np.arange(300))
 

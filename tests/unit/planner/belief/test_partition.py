@@ -30,7 +30,11 @@ def partition(poses, readings, how):
 
 
 def to_go(hits, size, estimate):
-    """Cost-to-go of each particle of an interval, and the probability that the interval misses the goal."""
+    """The rule's two figures for an interval of `size` particles, of which `hits` are in its modes.
+
+    Returns:
+        The cost-to-go of each particle, and the probability that the interval misses the goal's confidence.
+    """
     total = size + estimate.inside + estimate.outside
     share = (hits + estimate.inside) / total
     short = NormalDist(share, (share * (1.0 - share) / total) ** 0.5).cdf(estimate.confidence)
@@ -39,7 +43,7 @@ def to_go(hits, size, estimate):
 
 
 def cost(place, counts, starts, how):
-    """The cost of the intervals that begin at `starts`, which rise."""
+    """The slow twin: the cost of the intervals of readings that begin at `starts`, in rising order."""
     total = 0.0
     for low, end in itertools.pairwise([*starts, FREE]):
         inside = (counts >= low) & (counts < end)
@@ -65,7 +69,7 @@ def cost(place, counts, starts, how):
 
 
 def readings(rng, values):
-    """Places and counts of `MOST` particles: each count is mostly of one place."""
+    """Places and counts of random particles; those of one count lie mostly at one place."""
     counts = np.sort(rng.choice(np.arange(150, 150 + 3 * values), size=values, replace=False))
     main = rng.integers(0, len(PLACES), values)
     size = rng.multinomial(MOST - values, np.full(values, 1.0 / values)) + 1

@@ -1,4 +1,4 @@
-"""When a belief counts as located, and what the rule guarantees at each stage."""
+"""When a belief counts as located; which leaves trials refute, and which costs-to-go follow."""
 
 import math
 
@@ -14,7 +14,7 @@ RULE = StoppingRule(0.99)
 
 @pytest.mark.parametrize("trials", [200, 1000, 20_000])
 def test_refuted_leaf_well_above_the_goal_is_rare(trials):
-    """Of leaves that hold 99.8 % of their parts, less than 5 % are searched again."""
+    """A leaf that holds 99.8 % of its parts is refuted in less than 5 % of cases."""
     hits = np.arange(trials + 1)
     again = np.array([RULE.refuted(int(k), trials) for k in hits])
     assert binom.pmf(hits, trials, 0.998)[again].sum() < 0.05
@@ -22,7 +22,7 @@ def test_refuted_leaf_well_above_the_goal_is_rare(trials):
 
 @pytest.mark.parametrize("trials", [1000, 20_000])
 def test_refuted_leaf_below_the_goal_is_likely(trials):
-    """Of leaves that hold 98 % of their parts, more than 95 % are searched again."""
+    """A leaf that holds 98 % of its parts is refuted in more than 95 % of cases."""
     hits = np.arange(trials + 1)
     again = np.array([RULE.refuted(int(k), trials) for k in hits])
     assert binom.pmf(hits, trials, 0.98)[again].sum() > 0.95

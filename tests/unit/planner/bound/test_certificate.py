@@ -1,4 +1,4 @@
-"""Certificates of tables: the plans that they cover, and lower bounds that lie below them."""
+"""Certificates of tables: which plans they cover, and that their lower bounds are below these plans."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The cover bounds the number of poses that one prediction can locate, and is nearly reached."""
+"""The cover bounds the number of poses that one prediction can locate; the bound is nearly reached."""
 
 import itertools
 
@@ -21,7 +21,11 @@ GRID = np.linspace(-2.0, 2.0, 9)
 
 
 def group(rng, metric, n):
-    """Poses about a middle, a few of them away from it, turned by whole periods at random."""
+    """Random poses about a middle, a few of them farther off, each turned by a random number of periods.
+
+    Returns:
+        The poses (n, 3), the middle (3,), and the goal's size along each axis (3,).
+    """
     unit = np.array([1.0 / w if w > 0.0 else 1.0 for w in metric.weights()[0, 1:4]])
     poses = rng.normal(size=(n, 3)) * unit * rng.uniform(0.1, 0.6)
     poses[: rng.integers(0, n // 4 + 1)] += unit * rng.uniform(-3.0, 3.0, 3)
@@ -32,7 +36,10 @@ def group(rng, metric, n):
 
 
 def located(metric, poses, predictions, inflation=0.0):
-    """The slow twin: the most poses within the goal of one of the predictions."""
+    """The slow twin: the largest number of poses that one of the predictions locates.
+
+    `inflation` widens the goal by this share.
+    """
     goal = metric.goal * (1.0 + inflation)
     return max(int((metric.between(poses, place) < goal).sum()) for place in predictions)
 

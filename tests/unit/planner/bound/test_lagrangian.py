@@ -1,4 +1,4 @@
-"""Lower bounds of worlds so small that all plans can be enumerated, and bounds from samples of them."""
+"""Lower bounds in worlds so small that all plans can be enumerated: exact, and from samples of parts."""
 
 import numpy as np
 import pytest

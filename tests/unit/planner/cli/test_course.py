@@ -8,7 +8,7 @@ from planner.cli import course
 
 
 def lines_of(capsys, clock, whole, reports):
-    """The lines that `shown` prints for reports, each (time, stage, done, total, detail)."""
+    """The lines that `shown` prints for some reports; a report is (time, stage, done, total, detail)."""
     with course.shown(False, whole, clock) as report:
         for now, *stage in reports:
             clock.now = now

@@ -15,7 +15,7 @@ FIGURES["error_mm"] = {"median": 0.2, "p95": 0.9}
 
 @pytest.fixture(autouse=True)
 def _planned(monkeypatch):
-    """Planning fails with a Hand-E, and gives the same figures with all other grippers."""
+    """Replaces planning: it fails with a Hand-E, and gives the same figures with all other grippers."""
 
     def planned(job, *_):
         if job.gripper.model == "hand-e":

@@ -1,4 +1,4 @@
-"""--takt of the planner's commands: the share of parts that are done within a time, by the table's model."""
+"""The option --takt of the planner's commands: the share of parts that are done within a stated time."""
 
 import pytest
 from programs import called, document

@@ -1,4 +1,4 @@
-"""`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and random draws."""
+"""`plan-simulate --push --tip-radius-mm`: round tips, tips that start inside the part, random draws."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def moved(row):
 
 
 def test_simulate_push_round_tip_moves_the_part_in_the_outline_frame(tmp_path):
-    """The first push is through the centroid, after 1 mm without contact; the second passes the part by."""
+    """The first push meets the part after 1 mm and goes through its centroid; the second misses the part."""
     text = f"{TIPS},note\n-5.75,50,21,0,a\n-5.75,-5.75,0,-30,b\n"
     code, rows, out, err = run(tmp_path, text, *NOMINAL, *RADIUS)
     assert (code, err) == (0, "")
@@ -70,7 +70,7 @@ def test_beside_overlapping_tips_leave_notches_by_the_shortest_way():
 
 
 def test_simulate_push_start_scatter_widens_the_interval_of_turns(tmp_path):
-    """The part itself hardly scatters; where the pusher starts beside its centroid decides how it turns."""
+    """The limit surface hardly scatters; where the tip starts beside the centroid decides the turn."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
     steady, widths = JOB.replace("pressure = {", "pressure = { wishart_dof = 100000,"), []
     for start_mm in (0.0, 2.0):

@@ -1,4 +1,4 @@
-"""Advice on plans of which it is known what limits them."""
+"""Advice on plans whose weakness is known, such as a coarse encoder or thin margins."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The message for a job without a first squeeze: how much is missing, and which radius would do."""
+"""The message if no first squeeze is free of collision: what opening is missing, and what radius would do."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,7 @@ from planner.world import ContactWorlds
 
 
 def test_evaluate_constant_arm_bias_is_a_change_of_frame(job, table):
-    """Parts that the hand misses keep their initial pose, less the bias, in the frame of the hand."""
+    """With a bias of 120 mm the hand misses all parts; in its frame they lie displaced by the bias."""
     worlds, bias = ContactWorlds.of_job(job, 5), Disturbance(bias_mm=(120.0, 0.0))
     displaced = evaluate(table, job, worlds, 200, 3, disturbance=bias)
     assert displaced.poses == pytest.approx(displaced.initial - bias.bias)

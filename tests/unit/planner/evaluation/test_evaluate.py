@@ -1,4 +1,4 @@
-"""Evaluations: the same with any number of workers, and of the same parts in every world."""
+"""Evaluations do not depend on the number of workers, and meet the same parts in every world."""
 
 import math
 from dataclasses import fields

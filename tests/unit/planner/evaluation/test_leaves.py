@@ -41,7 +41,7 @@ def predicted_table(rng, leaves, trials):
 
 
 def observed(truth, rng, visits):
-    """The fields of an evaluation that `reliability` reads."""
+    """A stand-in for an evaluation: the fields that `reliability` reads, with random results."""
     leaf = np.repeat(np.arange(len(truth)), visits)
     return SimpleNamespace(leaf=leaf, within=rng.random(len(leaf)) < np.repeat(truth, visits))
 

@@ -1,4 +1,4 @@
-"""The figures of an evaluation in its table."""
+"""A table takes over the figures of its evaluation; leaves that these figures refute become unresolved."""
 
 from dataclasses import replace
 from random import Random

@@ -1,4 +1,4 @@
-"""The end of each trial."""
+"""Each trial of an evaluation ends in exactly one way."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Rare wrong answers: bounds valid at every look, splitting without bias, and studies that are resumed."""
+"""Rates of rare wrong answers: bounds that hold however often one looks, splitting, and resumed studies."""
 
 import json
 import math
@@ -49,7 +49,10 @@ class Coins(Worlds):
 
 
 def chain(table, nodes, rare):
-    """A table of nodes in a row: the first width of each leads to a leaf, the second to the next node."""
+    """A table of nodes in a row: the first width leads to a leaf, the second to the next node.
+
+    The second width has the probability `rare` [ppm].
+    """
     first = table.nodes[0]
     low, high = (
         branch._replace(low_um=width - 1000, expected_um=width, high_um=width + 1000)

@@ -1,4 +1,4 @@
-"""Trials of a table: against a slow twin, turned, and with parts under a finger."""
+"""Trials of a table equal those of a slow twin, turn with the table, and crash on parts under a finger."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,7 @@ def job(job):
 
 
 class Wrung:
-    """A world without physics: where a part ends, its width and whether it is held follow from its pose."""
+    """A world without physics: formulas give the final pose, the width and whether the part is held."""
 
     def __init__(self):
         self.seen = []
@@ -63,7 +63,7 @@ def spread_table(nodes=12, seed=3):
 
 
 def walk(table, job, start):
-    """The slow twin: walks one part from node to node, as the runtime does."""
+    """The slow twin: leads one part from node to node, as the runtime does."""
     encoder = encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
     pose, target, path, readings = start, 0, [], []
@@ -142,7 +142,7 @@ def test_turned_table_ends_as_the_table_does_for_turned_parts(job, turn_urad):
 
 def test_evaluate_part_under_a_finger_crashes_without_a_squeeze(job):
     class Blocked(Wrung):
-        """Half of the parts lie under a finger and are never squeezed."""
+        """A world in which a finger stands on about half of the parts, so that they are never squeezed."""
 
         def collides(self, pose, opening_mm):
             return pose[0] > 0.0

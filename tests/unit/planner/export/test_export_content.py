@@ -1,4 +1,4 @@
-"""The vectors and runs of an export, compared with a run of the default policy for each reading."""
+"""The vectors and the runs of equal decisions in an export equal the decisions of the runtime."""
 
 from itertools import pairwise
 

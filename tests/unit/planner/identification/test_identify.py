@@ -1,4 +1,4 @@
-"""Identification from pairs of a known surface, and the command that does it."""
+"""Identification of a limit surface from pairs of wrench and twist, and the command that does it."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
 
 
 def ellipsoid_pairs(count: int, noise: float, seed: int = 0, friction: float = 4.0) -> pushes.Pairs:
-    """Wrenches in N and N mm on the ellipsoid A, scaled by the friction, and their twists with noise."""
+    """Random pairs of an ellipsoid with matrix `A`: wrenches [N, N mm] at a friction, and noisy twists."""
     rng = np.random.default_rng(seed)
     F = rng.normal(size=(count, 3))
     F /= np.sqrt(np.einsum("ki,ij,kj->k", F, A, F))[:, None]
@@ -65,7 +65,7 @@ def test_choose_ridge_noisy_pairs_is_the_strongest():
 
 
 def test_identify_held_out_errors_are_of_unseen_pairs():
-    """One pair contradicts all others, so that it is predicted badly whenever it is held out."""
+    """One pair contradicts all others. Whenever it is held out, the others predict it badly."""
     pairs = ellipsoid_pairs(20, 0.0)
     pairs.twists[0] = -pairs.twists[0]
     (result,) = identified(pairs, "ellipsoid", splits=8, share=0.7)
@@ -110,7 +110,7 @@ def test_identify_command_refuses_bad_input_in_one_line(tmp_path):
 
 
 def scaled_at_random(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
-    """Pairs of the same directions with random magnitudes."""
+    """The pairs, each wrench and each twist multiplied by a random factor, which keeps its direction."""
     rng = np.random.default_rng(seed)
     factors = np.exp(rng.normal(scale=2.0, size=(2, len(pairs.weights), 1)))
     return pairs._replace(wrenches=factors[0] * pairs.wrenches, twists=factors[1] * pairs.twists)

@@ -25,7 +25,7 @@ pressure = { kind = "uniform" }
 
 
 def known(n: int, noise_mm: float) -> motions.Motions:
-    """Pushes across all sides of the rectangle, of about 20 mm."""
+    """Simulated pushes of the rectangle by about 20 mm, with known limit surface and friction."""
     rng = np.random.default_rng(7)
     angle = rng.uniform(-np.pi, np.pi, n)
     away = np.column_stack([np.cos(angle), np.sin(angle)])

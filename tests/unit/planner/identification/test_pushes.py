@@ -36,7 +36,18 @@ def push_record(
     sideways: float = 0.0,
     slant: float = 0.3,
 ) -> str:
-    """A push record: the tip sticks to the block, which moves evenly by the twist in the last 70 %."""
+    """The text of a simulated push log with a known result.
+
+    The tip sticks to the block. After 30 % of the time the block begins to move evenly by the twist.
+
+    Args:
+        twist: twist of the block in its own frame, over the whole push [mm, mm, rad].
+        face: the face that the tip pushes.
+        force: the force of the tip on the block.
+        place: pose of the block at the start [mm, mm, rad].
+        sideways: offset of the tip from the pusher's axis [mm].
+        slant: angle of the pusher to the normal of the face [rad].
+    """
     point = FACES[face][0]
     start, angle = np.array(place[:2]), place[2]
 

@@ -27,7 +27,7 @@ COUPLED = {
 
 
 def several(**more):
-    """The document of a job with three parts, with changes to its top level."""
+    """The document of a job with three parts; `more` adds or replaces top-level keys."""
     names = ("hex-nut", "spacer", "oval-cover")
     documents = [tomllib.loads((TREES / name / "job.toml").read_text()) for name in names]
     common = {key: value for key, value in documents[0].items() if key != "part"}
@@ -50,7 +50,7 @@ def test_from_canonical_several_parts_restores_the_job():
 
 
 def broken(number=1, **entry):
-    """The document of a job with three parts, with changes to the hypothesis of a number."""
+    """The document of a job with three parts; `entry` adds or replaces keys of hypothesis `number`."""
     document = several()
     document["hypothesis"][number - 1] |= entry
     return document

@@ -24,13 +24,13 @@ class Rolled(NamedTuple):
 
 
 def random_outcomes(n, seed, radius=8.0):
-    """Random outcomes, without any mechanics."""
+    """Random initial poses, final poses and widths, which no mechanics connects."""
     rng = np.random.default_rng(seed)
     return Rolled(random_poses(rng, n, radius), random_poses(rng, n, 5.0), rng.uniform(20, 40, n))
 
 
 def fitted(rolled, order=2):
-    """An estimate for fingers so long that they never miss."""
+    """A density estimate from outcomes, for fingers so long that they touch every part."""
     return Kcde.fit(rolled, rectangle(), LONG_JAWS, RHO, order)
 
 

@@ -1,4 +1,4 @@
-"""Roll-outs: reproducible, nested in their number, and without effect beyond the fingers' reach."""
+"""Roll-outs are reproducible; a smaller number is a prefix of a larger; parts out of reach do not move."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def same(a, b):
 
 
 def rows_of(result, ring):
-    """The roll-outs that begin in a ring: one row each, in their order."""
+    """The roll-outs whose part starts in a ring about the hand: one row each, in their order."""
     distance = np.hypot(result.initial[:, 0], result.initial[:, 1])
     inside = (distance >= 5.0 * ring) & (distance < 5.0 * (ring + 1))
     columns = [result.initial, result.final, result.width_mm[:, None], result.status[:, None]]

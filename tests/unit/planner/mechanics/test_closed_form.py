@@ -1,4 +1,4 @@
-"""One, two and three contacts in closed form, against Lemke's method and all modes on the same problem."""
+"""The closed form of one to three contacts agrees with Lemke's method and with trying all modes."""
 
 import contact_problems as problems
 import numpy as np
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
-    """Status, motion (3,) and forces (m, 2) of one to three contacts, all of them pressed."""
+    """Status, motion (3,) and forces (m, 2) of m = 1 to 3 contacts by the closed form, as if all press."""
     contacts, A, mu, m = problems.rows(problem), problem.A, problem.mu, len(problem.gap)
     if m == 1:
         status = one_contact(A, contacts[0], mu[0])
@@ -34,7 +34,11 @@ def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.n
 
 
 def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
-    """Eqs 1-5 for contacts that are all pressed, in words: touch, push, stay in the cone, oppose the slip."""
+    """Checks eqs 1-5 for contacts that all press.
+
+    Their fingers touch and push the part. Friction stays in its cone, opposes the slip, and is spent where
+    there is slip.
+    """
     N, T = problems.wrenches(problem)
     normal, tangential = problems.goals(problem)
     fn, ft = forces.T
@@ -100,7 +104,7 @@ def test_two_and_three_contacts_are_solved_only_where_all_press(contacts, count)
 
 
 def test_solve_one_to_three_contacts_agrees_with_lemke():
-    """The verdict is that of Lemke's method and the motion fulfils eqs 1-5, whichever method is used."""
+    """The status is that of Lemke's method; a motion is one of those found by trying all modes."""
     rng = np.random.default_rng(3)
     for k in range(300):
         problem = problems.random_contacts(rng, 1 + k % 3)
@@ -116,7 +120,7 @@ def test_solve_one_to_three_contacts_agrees_with_lemke():
 
 
 def test_solve_flush_faces_hold_where_lemke_has_no_solution():
-    """Faces that overlap hold the part, whatever the friction; where they do not overlap, the part turns."""
+    """Overlapping faces hold the part whatever the friction; if the faces do not overlap, the part turns."""
     rng, verdicts = np.random.default_rng(5), list[int]()
     for _ in range(100):
         problem = problems.flush(rng)
@@ -130,7 +134,7 @@ def test_solve_flush_faces_hold_where_lemke_has_no_solution():
 
 @pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
 def test_event_fraction_ends_where_an_open_contact_touches(bend):
-    """The dense output is a parabola: it starts along the Euler step and ends at the midpoint step."""
+    """Within a step the motion is a parabola: it starts as the Euler step and ends as the midpoint step."""
     contacts = problems.rows(problems.receding())
     contacts[["gap", "un", "ut"]][0] = 0.2, 0.0, 0.0
     first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])

@@ -17,7 +17,7 @@ FINGERS = pytest.mark.parametrize("finger", [1, -1])
 
 
 def columns(points: np.ndarray) -> np.ndarray:
-    """Points (N, 2) as the kernels have them."""
+    """Converts points (N, 2) to the layout of the kernels (2, N)."""
     return np.ascontiguousarray(points.T)
 
 
@@ -30,19 +30,22 @@ def hand_at(top: float, bottom: float, half: float = HALF) -> contacts.Hand:
 
 
 def matches(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
-    """The contacts of two fingers that face each other."""
+    """The contacts of a part with two fingers whose inner faces are at y = top and bottom."""
     return contacts_with(hand_at(top, bottom), points, pose, margin)
 
 
 def contacts_with(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
-    """The contacts of a hand."""
+    """The contacts of a part with a hand that are at most `margin` apart."""
     result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
     out = np.zeros(len(points), np.int64)
     return result[: contacts.find(result, columns(points), out, pose, hand, margin)]
 
 
 def scenes(seed: int, count: int, radius: float = 30.0):
-    """Random parts, two of three concave, at random poses."""
+    """Yields random parts at random poses: the random generator, the placed outline and the pose.
+
+    Two of three outlines are concave.
+    """
     rng = np.random.default_rng(seed)
     for k in range(count):
         star = k % 3 > 0
@@ -52,7 +55,7 @@ def scenes(seed: int, count: int, radius: float = 30.0):
 
 
 def test_find_fingers_side_by_side_equals_each_alone():
-    """Both fingers of a pushing hand face the same way; each has the contacts of a single finger."""
+    """Both fingers of a pushing hand face the same way. The hand has the contacts of each finger alone."""
     rng, apart, near_both = np.random.default_rng(13), 5.0, 0
     for _, points, pose in scenes(5, 300):
         face = points[:, 1].max() - rng.uniform(0.0, 3.0)
@@ -89,7 +92,7 @@ def test_clearance_equals_distance_to_the_part_below_the_finger(finger):
 
 @FINGERS
 def test_blocked_where_finger_and_part_share_area(finger):
-    """Also where no vertex lies inside the finger, and where the finger lies inside the part."""
+    """Also if no vertex of the part lies inside the finger, and if the finger lies inside the part."""
     verdicts = set()
     for rng, points, _ in scenes(4, 150, radius=20.0):
         points = points * rng.choice([0.3, 1.0, 3.0])
@@ -121,14 +124,20 @@ def test_find_at_first_touch_returns_a_contact_with_its_gap(finger):
 
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
-    """Faces of the fingers just before they touch; fully open where a finger passes by the part."""
+    """Places y of the inner faces of upper and lower finger, up to 0.3 mm from their first contact.
+
+    A finger that passes beside the part is fully open.
+    """
     ways = [clearance.clearance(columns(points), f, f * 100.0, HALF) for f in (1, -1)]
     top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
     return top, -bottom
 
 
 def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
-    """Moves the part to the right of the fingers, close to their ends; the upper finger reaches past it."""
+    """Moves the part just to the right of the fingers, in place; returns y of their inner faces.
+
+    The upper finger reaches down past the part's leftmost vertex; the lower one is far away.
+    """
     leftmost = points[points[:, 0].argmin()]
     shift = HALF + rng.uniform(0.0, 0.3) - leftmost[0]
     points[:, 0] += shift
@@ -137,7 +146,7 @@ def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tu
 
 
 def test_find_returns_pairs_of_features_at_their_gap():
-    """The point lies on the part's boundary; from there, along the normal, the finger is one gap away."""
+    """A contact has a point on the part; from there the finger is the gap away, along the normal."""
     kinds = []
     for rng, points, pose in scenes(7, 200, radius=20.0):
         top, bottom = (
@@ -177,7 +186,7 @@ def test_find_full_buffer_keeps_the_nearest_contacts():
 
 @FINGERS
 def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
-    """A slanted edge just off the outer corner: one contact, at the corner, at the edge's distance."""
+    """The only contact is at the finger's outer corner, as far off as the slanted edge of the part."""
     face = finger * 20.0
     corner = np.array([HALF, face + finger * THICKNESS])
     normal = np.array([1.0, finger]) / np.sqrt(2.0)
@@ -194,7 +203,7 @@ def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
 
 
 def meets(outline, pose, width_mm, jaws, share):
-    """The slow twin: whether jaws closed to a width reach a part in the hand frame, along a fine raster."""
+    """The slow twin: whether jaws closed to a width overlap a part, by points along the part's edges."""
     corners = place(outline, pose)
     ends = np.roll(corners, -1, axis=0)
     edge = np.concatenate(

@@ -1,4 +1,4 @@
-"""Lemke's method on published problems, against all bases, and on contact problems against all modes."""
+"""Lemke's method agrees with published problems, with all bases, and on contact problems with all modes."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,10 @@ pytestmark = pytest.mark.slow
 
 
 def assert_solved(M: np.ndarray, q: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
-    """The three conditions themselves, relative to the size of the answer."""
+    """Solves the LCP by Lemke's method and checks the three conditions of a solution; returns z.
+
+    The tolerance is relative to the size of the solution.
+    """
     status, z = solve(M, q)
     assert status == SOLVED
     w = M @ z + q
@@ -25,7 +28,10 @@ def assert_solved(M: np.ndarray, q: np.ndarray, tolerance: float = 1e-9) -> np.n
 
 
 def exponential(order):
-    """Twos below the diagonal: with q = -1, 2^n pivots for the worst rule."""
+    """A matrix with ones on the diagonal and twos below it.
+
+    With q = -1, Lemke's method needs 2^n pivots by the worst choice of rows.
+    """
     return np.eye(order) + 2.0 * np.tril(np.ones((order, order)), -1)
 
 
@@ -67,7 +73,7 @@ def random_problem(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.
 
 @pytest.mark.parametrize("kind", ["P", "degenerate semidefinite", "integer"])
 def test_lemke_random_problem_agrees_with_all_bases(kind):
-    """Solved where there is a solution, for P and semidefinite matrices; any others never cycle.
+    """P and semidefinite problems with a solution are solved; on other problems the method never cycles.
 
     Cottle, Pang & Stone, The Linear Complementarity Problem (1992), theorems 3.3.7 and 4.4.1.
     """
@@ -91,10 +97,11 @@ def motion_of(problem, z: np.ndarray) -> np.ndarray:
 
 
 def squeezing_power(problem) -> float:
-    """Most work that the fingers can do on forces in the friction cones that balance among themselves.
+    """The most work of the fingers on balanced forces in the friction cones; -inf: there are none.
 
-    Cottle, Pang & Stone, theorem 4.4.9: for a copositive matrix a ray means that it is positive, so that
-    these forces can grow without bound and nothing moves: the part is held.
+    If it is positive, these forces can grow without bound and nothing moves: the part is held. For a
+    copositive matrix, a ray of Lemke's method means that it is positive (Cottle, Pang & Stone, theorem
+    4.4.9).
     """
     m = len(problem.gap)
     M, q = lcp(problem)
@@ -108,7 +115,7 @@ def squeezing_power(problem) -> float:
 
 @pytest.mark.parametrize("name", [*HAVE_MOTION, *HAVE_NONE])
 def test_lemke_named_contacts_agrees_with_all_modes(name):
-    """Also where contacts repeat, or faces meet faces: all of these matrices are singular."""
+    """Some problems have repeated contacts, or faces on faces: their matrices are singular."""
     problem = (HAVE_MOTION | HAVE_NONE)[name]()
     status, z = solve(*lcp(problem))
     assert status == (SOLVED if name in HAVE_MOTION else RAY)
@@ -118,7 +125,7 @@ def test_lemke_named_contacts_agrees_with_all_modes(name):
 
 @pytest.mark.parametrize(("contacts", "count"), [(1, 100), (2, 300), (3, 300), (4, 100)])
 def test_lemke_random_contacts_agrees_with_all_modes(contacts, count):
-    """A solution is the motion of a consistent mode; a ray is a jam with a certificate."""
+    """A solution is the motion of a consistent mode. If there is only a ray, the part is held."""
     rng = np.random.default_rng(contacts)
     for _ in range(count):
         problem = random_contacts(rng, contacts)

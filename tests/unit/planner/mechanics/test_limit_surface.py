@@ -17,7 +17,7 @@ TWISTS = limit_surface.twist_directions()
 
 
 def cost(A: np.ndarray, F: np.ndarray, V: np.ndarray) -> float:
-    """Level-set and alignment residuals, written the slow way."""
+    """What `fit` minimises, term by term: wrenches off the level set, and twists off their normal."""
     total = 0.0
     for f, v in zip(F, V, strict=True):
         v = v / np.linalg.norm(v)
@@ -37,7 +37,7 @@ def test_wrenches_of_spinning_ring_and_disc_equal_closed_forms():
 
 @pytest.mark.parametrize("kind", ["boundary", "uniform"])
 def test_wrenches_dissipate_most_under_their_twist(kind):
-    """Maximum dissipation, and with it convexity: no other wrench of the surface does more work."""
+    """Maximum dissipation: no other wrench of the surface does more work, so the surface is convex."""
     F = limit_surface.wrenches(*support(Pressure(kind, 100), rectangle()), RHO, TWISTS)
     power = TWISTS @ F.T
     assert (np.diag(power) > 0).all()
@@ -66,11 +66,12 @@ def test_fit_is_the_least_squares_minimum():
 
 
 def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
-    """The authors' released fit: rho = 10.5711873 mm and the diagonal below.
+    """The ellipsoid of the rectangle is near the one that the paper's authors released.
 
-    rho is a closed form and agrees to its last digit. The diagonal depends on the twists and weights of the
-    fit, which are not published; 5 % is a third of one standard deviation of the samples at n_df = 100.
-    An ellipsoid leaves about 7 deg of error in the direction of the twist for this load.
+    Their rho, 10.5711873 mm, is a closed form, and ours equals it to the last digit. Their matrix depends on
+    the twists and weights of their fit, which are not published; the diagonals agree to 5 %. This is a third
+    of a standard deviation of samples with n_df = 100. For this pressure, an ellipsoid predicts the direction
+    of the twist with an error of about 7 deg.
     """
     surface = surface_of(job)
     assert surface.rho_mm == pytest.approx(10.5711873, abs=1e-7)
@@ -80,7 +81,7 @@ def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
 
 
 def test_fit_ellipsoid_in_a_shifted_frame_is_the_same_surface():
-    """A force has the same H and the same twist, whichever point they refer to."""
+    """A force has the same H and causes the same twist, whichever point wrench and twist refer to."""
     points, weights = support(Pressure("boundary", 100), rectangle())
     here = limit_surface.fit_ellipsoid(points, weights, RHO).A
     offset = np.array([7.0, -2.0])

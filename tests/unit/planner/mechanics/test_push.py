@@ -43,7 +43,7 @@ def test_push_through_the_centre_carries_the_part_along():
 
 
 def test_push_disc_by_frictionless_point_follows_the_closed_form():
-    """Its centre moves by d(phi)/ds = sin(phi) / R, phi being the angle of the push to the centre."""
+    """The form is d(phi)/ds = sin(phi) / R; phi is the angle from the push to the direction of the centre."""
     radius, way = 13.0, 6.0
     outline = regular_polygon(720, radius)
     for degrees in (10.0, 30.0, 50.0):
@@ -66,7 +66,7 @@ def test_push_part_in_a_cage_turns_about_the_pusher_centre():
 
 @pytest.mark.parametrize("angle", [0.3, -0.3])
 def test_push_sticking_fingers_move_the_part_as_commanded(angle):
-    """The centre of rotation is so far to the side that the wrench lies well within the friction cones."""
+    """The hand turns about a point so far to the side that the forces lie well within the friction cones."""
     centre = (math.copysign(90.0, -angle), 0.0)
     pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=centre, angle=angle)
     result = pushed(rectangle(), pushes, 1.0)
@@ -104,7 +104,7 @@ def test_push_mirrored_scene_ends_mirrored(mu):
 
 
 def test_push_disc_by_round_tip_follows_the_closed_form():
-    """The disc moves as before a point, with the sum of both radii in place of its radius."""
+    """The disc moves as if pushed by a point, but the sum of both radii takes the place of its radius."""
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
     along = np.array([math.cos(phi), math.sin(phi)])
     part = simulator(regular_polygon(720, radius))
@@ -131,7 +131,7 @@ def test_push_by_round_tip_ends_where_the_twin_does(outline, mu):
 
 
 def beside(outline, rng, tip):
-    """A path of a round tip that touches an outline near a vertex and may slide past the vertex."""
+    """A random path of a round tip that touches an outline near a vertex and may slide past this vertex."""
     k = rng.integers(len(outline))
     start, end = outline[k], outline[(k + 1) % len(outline)]
     edge = (end - start) / math.hypot(*(end - start))
@@ -179,7 +179,7 @@ def test_push_by_hand_before_a_wide_part_equals_push_by_corners():
 
 @pytest.mark.parametrize("share", [0.5, 0.6, 1.0])
 def test_push_by_hand_uneven_fingers_push_beside_the_middle(share):
-    """A part that lies midway between the unevenly closed fingers is carried straight along."""
+    """A part midway between the fingers is pushed straight ahead, although one finger has closed farther."""
     part, opening = simulator(rectangle(), JAWS._replace(upper_share=share)), 20.0
     upper = 0.5 * JAWS.opening_mm - share * 65.0
     lower = -0.5 * JAWS.opening_mm + (1.0 - share) * 65.0

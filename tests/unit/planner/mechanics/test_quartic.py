@@ -16,7 +16,7 @@ TWISTS = limit_surface.twist_directions()
 
 
 def least_curvature(coefficients: np.ndarray, directions: np.ndarray) -> float:
-    """Least eigenvalue of the Hessian over many wrenches, whatever a certificate says."""
+    """The least eigenvalue of the Hessian over many directions; negative: the quartic is not convex."""
     surface = QuarticSurface(coefficients, np.eye(9), 1.0)
     return float(np.linalg.eigvalsh(hessian(surface, directions)).min())
 
@@ -42,7 +42,7 @@ def test_of_ellipsoid_has_the_squared_value_and_its_gradient():
 
 
 def test_quartic_is_a_local_ellipsoid_by_eulers_theorem(fitted):
-    """F . grad H = 4 H and hess H F = 3 grad H: so V = s A(F) F with A(F) = hess H / 3, positive definite."""
+    """F . grad H = 4 H and hess H F = 3 grad H. So V = s A(F) F; A(F) = hess H / 3 is positive definite."""
     F = np.random.default_rng(1).normal(size=(50, 3))
     gradient = fitted.gradient(F)
     assert np.allclose((F * gradient).sum(axis=1), 4 * fitted.value(F), rtol=1e-12)
@@ -96,7 +96,7 @@ def test_fit_exact_pairs_of_a_quartic_recovers_it():
 
 
 def test_fit_pressure_is_the_minimum_among_convex_quartics(load, fitted):
-    """No mixture with another convex quartic fits better: convex combinations stay in the feasible set."""
+    """Mixing in another convex quartic does not improve the fit. Any such mixture is convex, too."""
     F = limit_surface.wrenches(*load, RHO, TWISTS)
 
     def cost(coefficients: np.ndarray) -> float:
@@ -122,7 +122,10 @@ def test_certifies_nonconvex_quartic_is_refused(fitted):
 
 
 def drawn(surface, dof, n, seed):
-    """Random quartics (n, 15): a Hessian F^T h F of degree 4 is 12 H, linear in the table."""
+    """Coefficients (n, 15) of random quartics about a surface.
+
+    A quartic H is recovered from its sampled Hessian h: F^T h(F) F = 12 H(F).
+    """
     tables = quartic.sample(surface, dof, np.random.default_rng(seed), n)
     F = np.random.default_rng(seed).normal(size=(40, 3))
     products = F[:, quartic_form.PAIRS[:, 0]] * F[:, quartic_form.PAIRS[:, 1]]

@@ -19,7 +19,11 @@ RHO = 10.57
 
 
 def stepped(pose, surface, friction):
-    """Status, touching contacts, their friction, and displacement of a step from the first touch."""
+    """Solves one step from the first touch of the closing fingers.
+
+    Returns:
+        Status, touching contacts, their friction, and the displacement of the part (3,).
+    """
     columns = np.ascontiguousarray(place(rectangle(), pose).T)
     half, thickness = 0.5 * JAWS.length_mm, JAWS.thickness_mm
     faces = (side * (100.0 - clearance(columns, side, side * 100.0, half)) for side in (1, -1))
@@ -38,7 +42,7 @@ def stepped(pose, surface, friction):
 
 
 def violations(met, mu, V):
-    """Violations of eqs 3 to 5 at each contact; at most 0 for an exact solution."""
+    """How far a solution violates eqs 3 to 5, at each contact, by condition; at most 0 if it is exact."""
     nx, ny, fn, ft = met["nx"], met["ny"], met["fn"], met["ft"]
     slack = met["gap"] - met["un"] + nx * V[0] + ny * V[1] + met["n2"] * V[2]
     slip = nx * V[1] - ny * V[0] + met["t2"] * V[2] - met["ut"]

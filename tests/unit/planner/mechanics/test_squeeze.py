@@ -28,14 +28,14 @@ DIAGONAL = math.atan2(10.5, 15.0)
 
 
 def squeeze(simulator, poses, mu=0.5):
-    """Final poses, widths and names of the statuses."""
+    """Squeezes parts at nominal parameters; returns final poses, widths and names of the statuses."""
     poses = np.atleast_2d(np.asarray(poses, float))
     result = simulator.roll_out(poses, simulator.nominal(len(poses), mu))
     return result.poses, result.width_mm, [STATUS_NAMES[s] for s in result.status]
 
 
 def tilted(off_axis_deg):
-    """Pose of the centred rectangle whose diagonal is that far from the closing axis."""
+    """Pose of the centred rectangle whose diagonal is `off_axis_deg` from the closing axis."""
     return [0.0, 0.0, math.pi / 2 - DIAGONAL + math.radians(off_axis_deg)]
 
 
@@ -43,7 +43,7 @@ def tilted(off_axis_deg):
 
 
 def test_squeeze_finger_in_a_notch_moves_the_part_until_both_touch():
-    """A finger that is wedged between two lugs pushes the part on; alone it does not hold the part."""
+    """A finger wedged between two lugs does not hold the part alone; it pushes the part on."""
     half = [(16.25, 3.375), (11.5, 3.375), (11.5, 3.05), (8.5, 3.05), (8.5, 2.5)]
     half += [(-x, y) for x, y in reversed(half)]
     lugs = np.array([*half, *((-x, -y) for x, y in half)])
@@ -58,7 +58,7 @@ def test_squeeze_finger_in_a_notch_moves_the_part_until_both_touch():
 
 
 def test_squeeze_finger_corner_between_two_teeth_carries_the_part_to_the_other_finger():
-    """A corner in front of a tooth that is thinner than a step is not inside of it."""
+    """A finger's corner before a tooth that is thinner than a step does not count as inside the tooth."""
     right = [(19.0, -3.6), (19.0, -2.7), (18.0, -2.7), (18.0, -1.7), (19.0, -1.7), (19.0, -0.8)]
     right += [(18.0, -0.8), (18.0, 3.7)]
     comb = np.array([*right, *((-x, y) for x, y in reversed(right))])
@@ -75,7 +75,7 @@ def test_squeeze_finger_corner_between_two_teeth_carries_the_part_to_the_other_f
 
 
 def test_squeeze_finger_in_a_shoulder_corner_is_rarely_given_up():
-    """The corner of a finger that is slightly inside the shaft still stands on the shoulder beside it."""
+    """A finger's corner that is slightly inside the shaft still pushes on the shoulder beside the shaft."""
     shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
     head = [(-11.5, 8.45), (-20.8, 8.45), (-20.8, -8.45), (-11.5, -8.45)]
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
@@ -133,7 +133,7 @@ def test_squeeze_without_friction_ends_at_a_local_minimum_width(seed):
 
 
 def lowest_nearby(outline, axis):
-    """The least width within a degree of an axis."""
+    """The least width of an outline within one degree of an axis."""
     return min(width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
 
 
@@ -143,7 +143,7 @@ MIRROR = np.array([-1.0, 1.0, -1.0])
 
 
 def mirrored(part):
-    """The part and its limit surface in the closing axis."""
+    """The part with its outline and limit surface mirrored at the closing axis."""
     surface = LimitSurface(part.surface.A * np.outer(MIRROR, MIRROR), part.surface.rho_mm)
     outline = np.ascontiguousarray((part.outline * [-1, 1])[::-1])
     return replace(part, outline=outline, surface=surface)
@@ -166,7 +166,7 @@ def test_squeeze_mirrored_or_half_turned_scene_ends_likewise(name):
 
 @pytest.mark.parametrize("step_mm", [0.05, 0.4])
 def test_squeeze_part_thinner_than_a_step_is_grasped(step_mm):
-    """A part of 30 x 0.15 mm, while fingers close by up to 0.8 mm a step, is held flat."""
+    """A part of 30 x 0.15 mm is held flat, although the fingers close by up to 0.8 mm a step."""
     part = simulator(sliver(), step_mm=step_mm)
     _, widths, statuses = squeeze(part, [[0.0, 5.0, 0.0], [2.0, -3.0, math.pi], [0.0, 0.0, 0.1]])
     assert statuses == ["grasped"] * 3

@@ -1,4 +1,4 @@
-"""Squeezes with ellipsoids and quartics as limit surfaces, with releases and with a fixed finger."""
+"""Squeezes with ellipsoids and quartics as limit surfaces, parts that are released, and a fixed finger."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The sensorless plan takes the seconds of the table's timing model."""
+"""The seconds of the sensorless plan are those of the table's model of time."""
 
 import numpy as np
 import pytest

@@ -20,12 +20,12 @@ def wall(poses, _rng):
 
 
 def beyond_reach(poses):
-    """Collides with whatever lies further than 9.5 mm from the hand."""
+    """Mask of the poses with which the hand collides: those more than 9.5 mm away from it."""
     return np.hypot(poses[:, 0], poses[:, 1]) > 9.5
 
 
 def ratio(poses):
-    """Share within 1 mm of the mean along the line, where orientation plays no part."""
+    """Share of poses whose x is within 1 mm of the mean x; orientation plays no part."""
     return np.mean(np.abs(poses[:, 0] - poses[:, 0].mean()) <= 1.0)
 
 
@@ -34,12 +34,12 @@ def line(low, high, n=401):
 
 
 def left(x):
-    """Pushes everything beyond x down to x."""
+    """A placement of the hand that moves all parts beyond x down to x."""
     return [x, 0.0, 0.0]
 
 
 def right(x):
-    """Pushes everything below x up to x."""
+    """A placement of the hand that moves all parts below x up to x."""
     return [x, 0.0, math.pi]
 
 
@@ -52,7 +52,10 @@ def search_of(placements, depth, collides=nowhere):
 
 
 def best_by_trial(search, poses):
-    """The first sequence of the largest ratio that is not pruned: shorter ones come first."""
+    """The slow twin: tries all sequences; returns the best one that is not pruned, and its ratio.
+
+    Of equally good sequences it returns the first; shorter ones are tried first.
+    """
     result = ((), -np.inf)
     for length in range(1, search.depth + 1):
         for actions in itertools.product(range(len(search.placements)), repeat=length):

@@ -1,4 +1,4 @@
-"""Projection onto subspaces: to the nearest pose by brute force, and unchanged when repeated."""
+"""Projection onto subspaces gives the nearest pose, as by brute force; repeating it changes nothing."""
 
 import math
 
@@ -19,7 +19,7 @@ RHO = radius_of_gyration(OUTLINE)
 
 @pytest.fixture(scope="module", params=["ellipsoid", "quartic"])
 def case(request):
-    """Final poses of squeezes, their subspaces, and the projection learned from them."""
+    """Final poses of squeezes, the label of each pose's subspace, and a projection learned from both."""
     quartic = request.param == "quartic"
     load = support(Pressure("boundary", 100), OUTLINE)
     surface = fit_pressure(*load, RHO) if quartic else None

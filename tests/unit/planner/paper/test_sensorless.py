@@ -19,7 +19,7 @@ def outlines():
 
 
 def carried_out(outline, angles, rng):
-    """Angles of parts in the world after frictionless squeezes, from the squeeze function alone."""
+    """Angles in the world of 300 random parts after squeezes at `angles`, by the squeeze function alone."""
     function = SqueezeFunction.of(outline)
     theta = rng.uniform(-4.0, 4.0, 300)
     for angle in angles:
@@ -28,7 +28,7 @@ def carried_out(outline, angles, rng):
 
 
 def off(outline, result, angles, rng):
-    """Largest deviation of parts from the plan's final angle after squeezes at some angles."""
+    """The largest error of the plan's final angle, over random parts that are squeezed at `angles`."""
     return apart(carried_out(outline, angles, rng) - result.final, result.period).max()
 
 
@@ -81,7 +81,7 @@ def test_squeeze_function_of_known_shape_has_its_period(outline, degrees):
 
 
 def scalene():
-    """A polygon without an edge square to a chord, so that no equilibrium is indifferent."""
+    """A random polygon. No edge is square to a chord, so that every equilibrium of a squeeze is definite."""
     return problems.random_convex(np.random.default_rng(6), 5)
 
 

@@ -50,7 +50,7 @@ def test_support_boundary_has_the_moments_of_the_edges(part):
 
 
 def test_stances_are_all_corner_triples_that_carry_the_weight(part):
-    """Statics gives the loads on three feet; none may be negative."""
+    """A stance is a triple of corners of the convex hull whose loads, by statics, are not negative."""
     feet = stances(part)
     loads = [np.linalg.solve(np.vstack([corners.T, np.ones(3)]), [0, 0, 1]) for corners in feet]
     assert len(feet)

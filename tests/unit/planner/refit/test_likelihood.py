@@ -10,7 +10,10 @@ PARTS = 100
 
 
 def shares(feature):
-    """Probabilities (m, 4) of outcomes in cells: the first grows with the feature (m,), the last is rare."""
+    """Probabilities (m, 4) of four outcomes in m cells.
+
+    That of the first outcome grows with the cell's feature (m,); the last outcome is rare.
+    """
     first = 1.0 / (1.0 + np.exp(-feature))
     return np.stack(
         [0.6 * first, 0.6 * (1.0 - first), np.full_like(first, 0.397), np.full_like(first, 0.003)],
@@ -19,13 +22,16 @@ def shares(feature):
 
 
 def simulated(feature, rng, parts=PARTS):
-    """Outcomes (m, 2, parts, 1) of two sets of parts in each cell."""
+    """Random outcomes (m, 2, parts, 1) of m cells: two independent sets of parts in each."""
     ends = shares(feature).cumsum(axis=1)[:, None, None]
     return (rng.random((len(feature), 2, parts, 1, 1)) > ends[..., None, :]).sum(axis=-1)
 
 
 def learned(seen, rng, other=1, cells=300):
-    """The likelihood from cells with one feature that matters and `other` features that do not."""
+    """The likelihood of the outcomes `seen`, learned from simulated cells.
+
+    The cells have one feature that determines the outcomes and `other` features without effect.
+    """
     features = rng.uniform(-1.0, 1.0, (cells, 1 + other))
     return Likelihood.of(features, simulated(features[:, 0], rng), seen, len(seen))
 
@@ -42,7 +48,7 @@ def test_likelihood_with_one_sufficient_statistic_equals_the_exact(first):
 
 
 def test_likelihood_ratio_of_the_truth_is_chi_square_distributed():
-    """Twice the log of the ratio of the best to the true cell is chi-square distributed (Wilks 1938)."""
+    """Twice the log likelihood ratio of the best and the true cell is chi-square distributed (Wilks 1938)."""
     rng, at = np.random.default_rng(3), np.linspace(-1.5, 1.5, 61)[:, None]
     ratios = []
     for truth in np.linspace(-0.7, 0.7, 60):
@@ -55,7 +61,7 @@ def test_likelihood_ratio_of_the_truth_is_chi_square_distributed():
 
 
 def test_likelihood_on_a_line_extrapolates_beyond_simulated_parts():
-    """The readings lie far from those of most cells: no simulated part read between 200 and 250."""
+    """The readings, near 205, lie beyond those of nearly all simulated parts."""
     rng = np.random.default_rng(6)
     features = rng.uniform(-1.0, 1.0, (300, 1))
     at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))

@@ -1,4 +1,4 @@
-"""The posterior where the likelihood is known: its draws have the moments of the exact one."""
+"""If the likelihood is known, draws of the posterior have the moments of the exact posterior."""
 
 from types import SimpleNamespace
 
@@ -24,7 +24,10 @@ SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
 
 
 class Plain:
-    """Cells whose parts read three numbers, normal about the cell's values, and one for the surface."""
+    """A stand-in for `Cells`: at three nodes parts read the cell's values with normal noise.
+
+    At a fourth node the limit surface decides how many parts read 100.
+    """
 
     space = SPACE
     program = SimpleNamespace(table=TABLE)
@@ -45,7 +48,12 @@ class Plain:
 
 
 def drawn(monkeypatch, truth, seed):
-    """Values from the mean readings of a cell, its parts that read 100, and cells of the posterior."""
+    """Simulates parts of a hidden cell and draws cells of their posterior.
+
+    Returns:
+        The values that the mean readings stand for (3,), the number of parts that read 100 at the last node,
+        and the drawn cells.
+    """
     run = Plain().run(truth, PARTS, 1000 + seed)
     counts = readings(run, TABLE)
     monkeypatch.setattr(refit, "DRAWN", 500)

@@ -1,4 +1,4 @@
-"""The report states the figures of the compiler, and agrees on other worlds in all its places."""
+"""The report states the figures of the compiler, and the same figures of other worlds everywhere."""
 
 import re
 

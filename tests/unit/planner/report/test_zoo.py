@@ -1,4 +1,4 @@
-"""The zoo of outlines: the row of figures of each, and the page of all."""
+"""The zoo of outlines: a row of figures for each outline, and a page of all outlines."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Passes and efforts: the properties of their rows on which the search relies."""
+"""The tables of passes and efforts have the properties on which the search relies."""
 
 import itertools
 

@@ -12,7 +12,7 @@ from planner.search.handling import LEAST_PARTICLES, SPARE_MM, Handling
 
 
 def held_at(job, centre):
-    """Outcomes of one cluster: a part held at 21 mm whose middle lies at `centre`."""
+    """The outcomes of a squeeze in which all parts are held at 21 mm, with their middle at `centre`."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
     return Outcomes([Belief.of(np.tile([*centre, 0.1], (50, 1)), counts)], 21.0)
 
@@ -34,7 +34,7 @@ def test_opening_uneven_fingers_is_full(job):
 
 @pytest.fixture
 def belief():
-    """As many particles as a narrow opening needs."""
+    """A belief with just enough particles for the jaws to open only as wide as needed."""
     return Belief.of(np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1)))
 
 

@@ -42,13 +42,13 @@ def belief(job):
 
 
 def read(belief: Belief) -> Belief:
-    """The belief as after a squeeze: with a reading, and stretched along x."""
+    """The belief as if after a squeeze: stretched along x, displaced, and with a reading."""
     poses = belief.poses * np.array([1.0, 0.2, 0.05]) + np.array([7.0, -4.0, 0.8])
     return Belief.of(poses, np.full(len(belief), 100), belief.traits)
 
 
 def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: float = 0.0) -> int:
-    """Number of parts under the fingers `along_mm` into a push; the fingers are thinner by `less_mm`."""
+    """Number of parts under the fingers after `along_mm` of a push; the fingers are smaller by `less_mm`."""
     ahead = np.array([math.cos(push.start[2]), math.sin(push.start[2]), 0.0])
     _, length, thickness, share = pusher.jaws
     jaws = Jaws(push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share)

@@ -28,7 +28,7 @@ EACH = 100  # particles at each place
 
 @dataclass(frozen=True)
 class Toy:
-    """A world in which parts do not move; the reading follows from the angle and the place of the part."""
+    """A world in which parts do not move; the angle of the squeeze and the part's place give the reading."""
 
     simulator: Mixture
     counts: np.ndarray  # (angles, places)
@@ -48,7 +48,7 @@ class Toy:
 
 
 def least_squeezes(counts, places):
-    """The least expected squeezes that distinguish equally likely places; infinite if none do."""
+    """The fewest expected squeezes that tell equally likely places apart; infinite if no squeezes do."""
     if len(places) == 1:
         return 0.0
     best = np.inf
@@ -75,7 +75,7 @@ def searched(problem, belief):
 
 
 def squeezes(root):
-    """Expected squeezes of a plan."""
+    """The expected number of squeezes of a plan, from its root."""
     return sum(node.share for node in breadth_first(root) if node.children)
 
 
@@ -86,7 +86,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def tree(problem):
-    """A search and the tree that it grew from simulated squeezes."""
+    """A finished search and the root of its tree, grown from simulated squeezes."""
     belief = problem.belief(500, np.random.default_rng(2))
     return searched(problem, belief)
 
@@ -250,7 +250,7 @@ def test_absorb_parts_at_a_leaf_pose_leaves_the_plan_as_it_is(tree, problem):
 
 
 def read_at(root, count, size):
-    """Parts that all read `count` at the root."""
+    """`size` particles at the pose of the root's first child, all of which read `count`."""
     return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
 
 

@@ -1,4 +1,4 @@
-"""The film of a simulated part: the world prints its squeezes; the film adds the hand and the outline."""
+"""The film of a simulated part: the world prints each squeeze; the film adds the hand and the outline."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The log of a plan: what a page shows of it, even if others wrote into it."""
+"""What a page shows of a plan's log, even if other programs wrote into the log."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The plans of a folder: one at a time is under way, for all processes, and each has unused names."""
+"""The plans of a folder: only one is made at a time, across all processes, and no two share a file."""
 
 import sys
 import threading

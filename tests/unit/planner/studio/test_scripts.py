@@ -1,4 +1,4 @@
-"""The studio's scripts in Chromium: the film and its player, radii by keys, texts, and the page."""
+"""The studio's scripts in Chromium: the film and its player, radii set by keys, texts, and the page."""
 
 import fcntl
 import json
@@ -65,7 +65,7 @@ EVIL = '<img src=x onerror="document.title=1">Prüfling\'s "Ä"'
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
-    """The value of the expression above in the browser."""
+    """What the browser returns for `EXPRESSION`: results of the film's and the player's functions."""
     given = f"const film = {json.dumps(FILM)}, evil = {json.dumps(EVIL)};".replace("<", "\\u003c")
     given += "const at = (x_mm, y_mm, turn_deg) => ({x_mm, y_mm, turn_deg});"
     expression = f"(() => {{ {given} return {EXPRESSION} }})()"
@@ -110,7 +110,10 @@ def test_make_markup_in_a_name_is_text(seen):
 
 
 def page_with(answers):
-    """The studio's page in one file; `answers` are those of the server, by path; null: it does not answer."""
+    """The studio's page as one HTML text, with stubs for the server.
+
+    `answers` are the server's answers by path; to a path with None it does not answer.
+    """
     scripts = (*SCRIPTS, f"{FOLDER}/studio.js")
     common, *modules = ((ROOT / name).read_text("utf-8") for name in scripts)
     script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
@@ -147,7 +150,10 @@ def state_of(studio):
 
 @pytest.fixture
 def seen_in(studio, tmp_path):
-    """A function that runs a script on the studio's page, with answers of its server; returns its value."""
+    """A function that runs a script on the studio's page and returns the script's value.
+
+    Its other arguments are the server's answers about the folder and the drawing.
+    """
 
     def play(script, folder, drawing):
         answers = {"page": studio.page().body.decode(), "/folder.json": folder, "/preview": drawing}

@@ -47,7 +47,7 @@ class TestThreads:
 
 
 def test_map_within_map_does_not_deadlock():
-    """Maps within a map, and in a thread that it waits for, must not occupy the threads that it needs."""
+    """The outer map occupies all threads; the inner maps must end without them."""
 
     def inner(value):
         return sum(Threads(2).map(squared, range(value)))

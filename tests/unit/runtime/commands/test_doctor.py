@@ -123,7 +123,7 @@ def test_check_table_misfit_is_reported():
 
 
 class Drivers:
-    """Drivers that return fakes or raise an error."""
+    """A stand-in for the drivers: its gripper is a fake, or it raises `error`."""
 
     def __init__(self, error: Exception | None = None) -> None:
         self.rig, self.error = fake_cell([]), error
@@ -174,7 +174,7 @@ def test_doctor_gripper_of_another_model_is_not_called_silent(capsys):
 
 
 def test_check_port_of_simulated_cell_may_be_held_by_cell_only():
-    """grasp-cell and a terminal program that was left open are separate processes."""
+    """grasp-cell may hold the port, a terminal program may not; each runs in a separate process."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
     holder = (
         "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print(flush=True); input()"

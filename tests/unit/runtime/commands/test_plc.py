@@ -36,7 +36,7 @@ PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch):
-    """A run waits long enough for a slow PLC, which closes its connection at the end."""
+    """Makes a run wait long enough for a slow PLC, which closes its connection at the end."""
     for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
         monkeypatch.setattr(plc, name, 30.0)
 
@@ -93,7 +93,7 @@ class Running:
         self.raised: BaseException | None = None
 
     def kept(self) -> list[dict[str, object]]:
-        """The records of the journal, which must verify and replay without findings."""
+        """The records of the journal; checks that it verifies and replays without findings."""
         kept = list(records(self.journal.path))
         assert list(Replay().follow(kept)) == []
         return kept
@@ -169,7 +169,7 @@ def test_plc_run_before_enable_moves_nothing(tmp_path, tree):
 
 
 def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc], None]:
-    """A PLC that withdraws enable before the part moves, and then has another part located."""
+    """A PLC's program that withdraws enable before anything moves, and then has another part located."""
 
     def program(client: TcpPlc) -> None:
         client.enable()

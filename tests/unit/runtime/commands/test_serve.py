@@ -21,7 +21,7 @@ SERVE = ["--tree", "t", "--serve", "tcp://127.0.0.1:5020"]
 
 
 class ShortLived(SystemClock):
-    """Gives a squeeze a tenth of a second."""
+    """A clock that gives every deadline a tenth of a second."""
 
     def deadline(self, seconds: float) -> float:
         return self.now() + 0.1

@@ -1,4 +1,4 @@
-"""The rehearsal world: branches by their probability, widths that read as their branch, part after part."""
+"""The rehearsal world draws branches by their probability, and gives widths that are read as the branch."""
 
 from collections import Counter
 from math import cos, pi, sin, sqrt

@@ -26,7 +26,7 @@ ANSWERS = {
 
 @pytest.fixture(autouse=True)
 def _quiet(capsys):
-    """Captures the parts that are printed on standard output."""
+    """Captures standard output, on which the parts are printed."""
 
 
 def expected(table: Table, count: int, felt: bool) -> str:

@@ -1,4 +1,4 @@
-"""Calibrations pass through every block, never fall, beat the linear map, and are refused if changed."""
+"""A calibration passes through its gauge blocks, never falls, beats the linear map; its file is checked."""
 
 import io
 import json
@@ -27,7 +27,10 @@ LINK_MM, OFFSET_MM = 57.15, 5.0
 
 
 def count_of(width_mm: float) -> float:
-    """A gripper whose counts are linear in the link's angle: an arc, 2.9 mm off the linear map at worst."""
+    """The count of a gripper at an opening, linear in the angle of its finger links.
+
+    The opening therefore follows an arc, at worst 2.9 mm off the linear map.
+    """
 
     def angle(width: float) -> float:
         return acos((width / 2 - OFFSET_MM) / LINK_MM)
@@ -133,7 +136,7 @@ def test_load_falling_points_with_valid_digest_are_refused(tmp_path):
 
 
 class ArcGripper(FakeGripper):
-    """Closes on the block that is held between its fingers; not active at first."""
+    """A gripper, not active at first, that closes on the block that the command asks a person to hold."""
 
     def __init__(self) -> None:
         super().__init__(Log(), self.stops())

@@ -42,7 +42,7 @@ def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0) -> dict[str, object]:
-    """The present moment by clocks that are set on by these seconds."""
+    """The present moment on two clocks, the date and the uptime, that are `wall_s` and `up_s` ahead."""
     uptime = SystemClock().uptime()
     date = datetime.now(UTC) + timedelta(seconds=wall_s)
     return {**uptime, "time": date.isoformat(), "up_s": float(uptime["up_s"]) + up_s}
@@ -96,7 +96,7 @@ def test_look_resume_with_other_settings_is_refused(tmp_path, changed, what):
 
 
 def after_boot(wall_s: float, up_s: float = 60.0) -> dict[str, object]:
-    """The present moment `up_s` after another boot, by a wall clock that is `wall_s` on."""
+    """The present moment `up_s` after another boot, on a wall clock that is `wall_s` ahead."""
     return {**moment(wall_s), "boot": "another", "up_s": up_s}
 
 

@@ -17,7 +17,7 @@ LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
 class ForeignError(Exception):
-    """An error of a foreign library, which also gives its exceptions exit codes."""
+    """An error of a foreign library that has an attribute `exit_code`, as the project's errors do."""
 
     exit_code = 21
 
@@ -29,7 +29,7 @@ def run(rig: FakeCell, table: Table | None = None, seen: list[Step] | None = Non
 
 
 def motions(rig: FakeCell) -> list[tuple]:
-    """The targets of jaws and arm, in their order."""
+    """The targets of all motions of jaws and arm, in the order of the motions."""
     sent = {
         "move": lambda call: ("jaws", call.arguments[0]),
         "move_linear": lambda call: call.arguments,
@@ -162,7 +162,7 @@ def _first_path(table: Table) -> list:
 
 
 def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
-    """The fingers were stopped, the arm moved at most once and straight up, and the outcome is journalled."""
+    """Checks that the fingers stopped, the arm at most rose, and the journal has the outcome."""
     after = rig.log.calls[failed + 1 :]
     assert [call.name for call in after if call.name in ("move", "activate")] == []
     lifts = [call for call in after if call.name == "move_linear"]

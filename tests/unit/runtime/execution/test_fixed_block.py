@@ -26,7 +26,14 @@ BLOCK_MM, OPENING_MM = 30.0, 85.0
 
 
 def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
-    """Opening at which fingers that close step by step first touch a fixed block; a second method."""
+    """The slow twin: the opening at which fingers that close step by step first touch a fixed block [mm].
+
+    Args:
+        hand_mm: position of the hand along the closing axis.
+        share: the upper finger's share of the closing.
+        block_mm: position of the block's middle along the closing axis.
+        across_mm: offset of the middle between the open fingers from the hand.
+    """
     upper = hand_mm + across_mm + OPENING_MM / 2.0
     lower = hand_mm + across_mm - OPENING_MM / 2.0
     step = 0.005
@@ -38,7 +45,10 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Grips on a block that is `block_mm` off, in both orientations of the hand."""
+    """Yields for both orientations of the hand: where both fingers meet the block at once, and grips nearby.
+
+    The block is `block_mm` off the middle; `read` turns the opening of the fingers into a reading.
+    """
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):
         result = side * block_mm - meet
@@ -83,7 +93,7 @@ STANDING = Block(BLOCK_MM, 12.0, -7.0)
 
 
 class Rig:
-    """A simulated cell with a fixed block in place of parts, and a hand that uses its real protocols."""
+    """A simulated cell with a fixed block in place of parts, and a hand that speaks the cell's protocols."""
 
     def __init__(self, block=STANDING, middle_mm=1.5):
         self.table = small_table()

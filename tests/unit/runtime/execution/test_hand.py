@@ -19,7 +19,7 @@ from runtime.traversal.results import Outcome
 
 
 def dragging_table(force_mn: int) -> Table:
-    """The small table with a drag after its root, for which the part is held with the root's full force."""
+    """The small table with a drag after its root, for which the hand needs the root's full force."""
     force = {"nodes.0.squeeze.force_mn": force_mn, "limits.max_force_mn": 235_000}
     return changed(small_table(), {"nodes.0.release": Place(12_000, -7_000), **force})
 
@@ -37,7 +37,7 @@ def test_hand_raises_force_until_current_reaches_limit(grip_current_ma, raises):
 
 
 def known_table() -> Table:
-    """The small table of a part 16 mm high, whose second squeeze needs an opening of 50 mm."""
+    """The small table with a job: the part is 16 mm high, and the second squeeze opens to 50 mm."""
     job = '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
     table = with_job(small_table(), job)
     return changed(table, {"nodes.1.contact_um": 42_000, "nodes.1.squeeze.opening_um": 50_000})

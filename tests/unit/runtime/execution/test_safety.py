@@ -20,7 +20,7 @@ INSIDE = (0.0, 0.0, (LOW + HIGH) / 2, 0.3)
 
 
 def but(**changed: float) -> tuple[float, float, float, float]:
-    """A pose inside the limits, with something changed."""
+    """A pose inside the limits (x, y, z, angle), with the named values replaced."""
     x, y, z, angle = (changed.get(name, value) for name, value in zip("xyza", INSIDE, strict=True))
     return x, y, z, angle
 

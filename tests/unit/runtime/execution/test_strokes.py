@@ -80,7 +80,7 @@ def test_profile_of_unknown_model_is_refused(model):
 
 
 def bring(profile: object, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Install a package with a profile, as pip would."""
+    """Installs a package with a gripper profile in a folder, as pip would."""
     info = folder / "other_make-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other_make\nVersion: 1.0\n")

@@ -1,4 +1,4 @@
-"""The tips' arc: the published geometry, and stages that keep the tips near their height."""
+"""The arc of the finger tips: the published heights, and closings in several strokes that keep the height."""
 
 from itertools import product
 

@@ -20,7 +20,7 @@ from runtime.traversal.results import PartResult
 
 
 def unknown() -> Table:
-    """The small table for a part of unknown orientation."""
+    """The small table with a job whose part may lie at any angle."""
     job = {
         "gripper": {"upper_finger_share": 0.5},
         "uncertainty": {"radius_mm": 10.0, "orientation_halfwidth_deg": 180.0},
@@ -44,7 +44,10 @@ def turns(rig: FakeCell) -> list[int]:
 
 
 def from_hand(result: PartResult, table: Table) -> tuple[float, float, float]:
-    """Distance and angle (modulo half a turn) of the answered pose from the last squeeze, and the leaf."""
+    """Distance [mm] and angle [rad] of the stated pose from the last squeeze, and the number of the leaf.
+
+    The angle is modulo half a turn.
+    """
     leaf, hand = result.leaf_of(table), result.steps[-1].squeeze
     assert leaf is not None
     x, y, theta = predicted_pose(leaf)

@@ -20,7 +20,7 @@ VERSION = {"journal_version": 1}
 
 
 def written(path: Path, *, closed: bool = True) -> Path:
-    """A journal of one run: header, squeeze and, if closed, its end."""
+    """Writes the journal of one run: header, squeeze and, if `closed`, the end."""
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, {"port": "sim"})
         journal.record("squeeze", {"part": 1, "width_um": 21_000})

@@ -35,7 +35,7 @@ def write_part(journal: Journal, number: int) -> None:
 
 
 def segmented(path: Path, *, closed: bool = True) -> Path:
-    """One run of three parts in three files."""
+    """Writes the journal of one run of three parts in three files; returns the path of the last."""
     with Journal(path, STAMP, segment_bytes=1) as journal:
         journal.header(b"table", {"port": "sim"})
         for number in (1, 2, 3):
@@ -52,7 +52,7 @@ def without(entries: Iterator[dict], *names: str) -> list[dict]:
 
 @pytest.fixture
 def pair(tmp_path):
-    """The same two runs, once in one file and once sealed after every part."""
+    """Two journals of the same two runs: one in a single file, one sealed after every part."""
     whole, cut = tmp_path / "whole.jsonl", tmp_path / "cut.jsonl"
     for path, size in ((whole, chain.SEGMENT_BYTES), (cut, 1)):
         for _ in range(2):
@@ -84,7 +84,7 @@ def test_journal_in_segments_reads_the_same_as_in_one_file(pair):
 
 
 def test_broken_run_of_last_part_equals_that_of_all_records(tmp_path):
-    """The run may break off after any line."""
+    """After whichever line the run breaks off, the records of its last part say the same as all records."""
     for cut in count(1):
         path = tmp_path / f"{cut}.jsonl"
         write_run(path, segment_bytes=1)
@@ -151,7 +151,7 @@ def test_journal_path_of_sealed_segment_is_refused(tmp_path):
 
 
 class KilledError(BaseException):
-    """Stands for the kill of the process."""
+    """Raised in place of killing the process."""
 
 
 def test_journal_of_process_killed_while_sealing_stays_valid(tmp_path, monkeypatch):

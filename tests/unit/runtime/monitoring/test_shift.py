@@ -90,7 +90,7 @@ def test_shift_losses_are_grouped_and_sorted_by_frequency(shift):
 
 
 def test_recall_journal_of_same_table_adds_its_parts(tmp_path):
-    """`write_run` writes two leaves, an unresolved leaf and a reject, at the present time."""
+    """The journal of `write_run` has four parts: two leaves, an unresolved leaf and a reject."""
     journal = write_run(tmp_path / "j.jsonl")
     digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
     shift = Shift(range(24), None)

@@ -89,7 +89,7 @@ def test_notify_without_service_manager_raises_nothing(address, monkeypatch):
 
 
 def test_monitor_after_many_parts_holds_no_more_memory(tree):
-    """All charts of a healthy and of a drifting cell; widths repeat after 500 parts."""
+    """All control charts run, with and without drift; the widths repeat after 500 parts."""
     with Monitor(Deaf(), load(tree), tree) as monitor:
 
         def run(first, last):

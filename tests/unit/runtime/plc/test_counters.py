@@ -1,4 +1,4 @@
-"""Counters of a station: parts by outcome, seconds of the last one, share within the takt."""
+"""Counters of a station: parts by outcome, seconds of the last part, share of parts within the takt."""
 
 from math import nan
 
@@ -13,7 +13,7 @@ PARTS = tuple(f"parts_{name}" for name in OUTCOMES[1:])
 
 
 def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
-    """Run one part and acknowledge its result."""
+    """Runs a part that ends with an outcome after some seconds, and acknowledges the result."""
     plc.write(enable=0)
     plc.write(enable=1)
     plc.pulse("trigger")

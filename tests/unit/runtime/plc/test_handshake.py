@@ -1,4 +1,4 @@
-"""The handshake's table: every state with every event obeys the rules of the handshake."""
+"""The table of the handshake: in every state, each event leads where the rules of the handshake say."""
 
 import pytest
 

@@ -17,7 +17,7 @@ LINE = b"x" * 99 + b"\n"
 
 @pytest.fixture(params=["pipe", "socket", "terminal", "pipe without /proc"])
 def ends(request, monkeypatch):
-    """Descriptors to read from and to write to."""
+    """File descriptors of a stream's two ends: the first to read from, the second to write to."""
     if request.param == "socket":
         pair = [one.detach() for one in socket.socketpair()]
     else:
@@ -34,7 +34,7 @@ def ends(request, monkeypatch):
 
 
 def taken(reader):
-    """All bytes that arrive until the stream is idle."""
+    """Reads all bytes that arrive until the stream is idle."""
     data = b""
     while select.select([reader], [], [], 0.02)[0]:
         data += os.read(reader, 1 << 16)
@@ -42,7 +42,7 @@ def taken(reader):
 
 
 def sent(outlet, reader):
-    """All bytes that arrive until the stream is idle, those that the outlet kept included."""
+    """Reads all bytes until the stream is idle and the outlet has nothing left to send."""
     data = taken(reader)
     while more := (outlet.put(b""), taken(reader))[1]:
         data += more

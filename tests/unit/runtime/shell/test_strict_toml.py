@@ -55,12 +55,12 @@ def test_parse_ordinary_text_equals_tomllib(text):
 
 @given(st.text(alphabet="ab.=[]{}\"'#\n\\ 1,", max_size=MOST_LEVELS))
 def test_parse_any_short_text_equals_tomllib(text):
-    """A text this short is never nested too deeply."""
+    """So short a text cannot be nested deeply enough to be refused."""
     assert outcome(parse, text) == outcome(tomllib.loads, text)
 
 
 def outcome(read: Callable[[str], object], text: str) -> object:
-    """The value that is read, or the message of the refusal."""
+    """The value that `read` returns for a text, or the message of its ValueError."""
     try:
         return read(text)
     except ValueError as error:

@@ -160,7 +160,7 @@ def test_report_expected_of_another_table_is_refused(journal, tmp_path, capsys):
 
 
 def as_result(part):
-    """The part as the run that wrote it reported it."""
+    """Converts a part of a journal to the result that the run passed to its observers."""
     steps = []
     for number, squeeze in enumerate(part.squeezes, start=1):
         node = TABLE.nodes[squeeze.node]

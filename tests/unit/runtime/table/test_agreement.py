@@ -67,7 +67,7 @@ def test_dumps_leaves_shifted_15_mm_are_refused(direction):
 
 
 def test_dumps_leaf_turned_by_quarter_is_refused():
-    """The jaws read 21 mm where the turned rectangle is 30 mm wide; the job has no doubts that allow it."""
+    """The turned rectangle is 30 mm wide, but its leaf follows a reading of 21 mm; no doubt allows that."""
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
     quarter = round(1e6 * pi / 2)
     branches = [branch for node in TABLE.nodes for branch in node.branches]
@@ -113,7 +113,7 @@ def test_dumps_parts_differing_from_job_are_refused(changes, said):
 
 
 def test_dumps_sections_missing_from_job_are_not_compared():
-    """The job passes with each section alone and without each section."""
+    """The table is valid if its job has only one of the sections, and if its job lacks one of them."""
     job = json.loads(TABLE.job or "")
     for name, value in job.items():
         dumps(with_job(TABLE, json.dumps({name: value})))
@@ -121,7 +121,7 @@ def test_dumps_sections_missing_from_job_are_not_compared():
 
 
 def test_dumps_outline_of_9999_points_is_checked_with_few(monkeypatch):
-    """The job of the rectangle's table names a wavy disc, whose grips are refused."""
+    """The job has a wavy disc in place of the rectangle, so that the leaves' poses are refused."""
     job = json.loads(TABLE.job or "")
     steps = [2 * pi * k / 9_999 for k in range(9_999)]
     radii = [40 + cos(40 * step) for step in steps]

@@ -1,4 +1,4 @@
-"""Figures of a table: tests of a share against a second method, and the refusal of contradictory figures."""
+"""Figures of a table: the test of a leaf's share equals other methods; contradictions are refused."""
 
 import re
 
@@ -16,7 +16,7 @@ from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300])
 def test_refuted_few_trials_equals_exact_binomial_test(trials, confidence):
-    """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
+    """The exact test is the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
     tails = binom.cdf(range(trials + 1), trials, confidence)
     for successes, tail in enumerate(tails):
         if abs(tail - LEVEL) > 1e-9:
@@ -53,7 +53,7 @@ def test_refuted_probability_underflow_does_not_refute():
 
 
 def test_refuted_at_confidence_one_any_miss_refutes():
-    """At a confidence of 1 only the first miss bounds the number of terms."""
+    """Without a miss, no number of trials refutes a confidence of 1."""
     assert not refuted(10**6, 10**6, 1.0)
     assert refuted(10**6 - 1, 10**6, 1.0)
     assert refuted(0, 10**10, 1.0)
@@ -94,7 +94,7 @@ def test_validate_figures_fewer_squeezes_than_parts_pass():
 
 
 def test_validate_figures_of_any_evaluation_pass():
-    """Errors are drawn at random, and their quantiles interpolated as the planner does."""
+    """The figures are those of random errors; quantiles are interpolated as the planner does."""
     rng = np.random.default_rng(0)
     for trials in [*range(1, 60), 400]:
         errors = rng.exponential(rng.uniform(200, 2_500), trials)

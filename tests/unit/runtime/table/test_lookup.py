@@ -25,7 +25,10 @@ TABLES = [small_table(), every_field_table(), random_table(1, 60), random_table(
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
-    """Decision 0056: of the branches that flag and interval admit, the nearest; of two, the lower."""
+    """The slow twin: the nearest branch that interval and flag admit; of two, the lower number.
+
+    The rule is that of decision 0056.
+    """
     grips, others = [], []
     for number, branch in enumerate(node.branches):
         if branch.low_um <= width_um <= branch.high_um:
@@ -97,7 +100,7 @@ def test_decide_flag_contradicting_width_rejects():
 
 @pytest.mark.parametrize("width", [-(10**9), -1, 85_001, 10**9])
 def test_decide_width_outside_stroke_rejects(width):
-    """Also where every width of the stroke has a branch."""
+    """Also if branches cover the whole stroke."""
     nothing, any_grip = (0, 0, 1_999), (2_000, 40_000, 85_000)
     for node in (small_table().nodes[0], node_of(nothing, any_grip)):
         decided = decision_map(node, GRIPPER)

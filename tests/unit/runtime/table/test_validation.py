@@ -31,7 +31,7 @@ UNTRIED = replace(
 
 
 def one_node(*rows: tuple[int, int, int]) -> Table:
-    """A table of one node with branches of these intervals to leaves 0, 1, ..., in equal shares."""
+    """A table of one node: branches with these intervals lead to leaves 0, 1, ... in equal shares."""
     share, rest = divmod(PPM, len(rows))
     ppm = [share + (at < rest) for at in range(len(rows))]
     branches = tuple(Branch(*row, ppm[at], ~at) for at, row in enumerate(rows))
@@ -118,7 +118,7 @@ def test_validate_leaf_with_more_poses_than_goal_allows_is_refused():
 
 
 def test_validate_grip_that_only_closed_jaws_read_is_refused():
-    """An interval that only closed jaws read is a branch for an empty grip or for nothing."""
+    """The only reading in the interval is that of closed jaws, but a grip's branch needs another one."""
     dumps(one_node((0, 0, 0)))
     wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, steps=2))  # 0, 42.5, 85 mm
     with pytest.raises(TableError, match=r"no reading means 0\.00\.\.2\.00 mm"):

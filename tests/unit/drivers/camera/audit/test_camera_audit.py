@@ -1,4 +1,7 @@
-"""The verdict: eq. 9 under the symmetry, with an error budget; a sentence for each unusable picture."""
+"""Verdicts of the audit on displaced parts (eq. 9), and sentences about pictures that cannot be used.
+
+Eq. 9 is applied under the part's symmetry and with an error budget.
+"""
 
 import math
 import os
@@ -61,7 +64,7 @@ def tag_at(pose, number, cells=None):
 
 
 def tag_of_other_family():
-    """A tag of the family 25h9 in place of the part."""
+    """A tag of another family, 25h9, which lies where the part should be."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_25h9)
     return tag_at(POSE, 3, cv2.aruco.generateImageMarker(family, 3, 7) // 255)
 
@@ -231,12 +234,12 @@ def test_keep_full_folder_and_parts_from_one_again_deletes_the_oldest(tmp_path, 
 
 
 def parts(goal):
-    """Two parts with separate tags."""
+    """Two parts, "l" and "r", with different tags."""
     return Subject(goal, part_tag(), name="l"), Subject(goal, part_tag(number=NUMBER + 1), name="r")
 
 
 def audit_of_several(lies, said, *subjects, predicted=POSE):
-    """The answer where the part of number `lies` is taken for the one that is called `said`."""
+    """The audit's answer if the part of number `lies` is in view and the table names the part `said`."""
     picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
     auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
     return auditor.audit(3, predicted, time.monotonic() + 1.0, said)

@@ -20,7 +20,7 @@ class Passing:
 
 
 def answers(asked: bytes) -> list[dict[str, object]]:
-    """The answers to what is written to the audit's pipe, which then ends."""
+    """The audit's answers to lines `asked` that come down a pipe, which then ends."""
     reading, writing = os.pipe()
 
     def ask():

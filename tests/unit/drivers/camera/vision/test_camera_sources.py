@@ -24,7 +24,7 @@ def soon(seconds=20.0):
 
 
 class Counter:
-    """A camera whose pictures have the number of pictures taken as their brightness."""
+    """A camera whose n-th picture has the brightness n."""
 
     taken = 0
 

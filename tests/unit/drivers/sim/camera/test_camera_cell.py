@@ -1,4 +1,4 @@
-"""The camera of a simulated cell shows the part where it lies now, and the faults of part and camera."""
+"""The camera of a simulated cell shows where the part lies now, and faults of the part and the camera."""
 
 import contextlib
 import io
@@ -30,14 +30,14 @@ KNOWN = true_calibration(OPTICS)
 
 
 class Lying:
-    """A world whose part is 21 mm wide and stays where it lies."""
+    """A world in which squeezes do not move the part and read 21 mm."""
 
     def squeeze(self, pose):
         return pose, 21.0, "grasped"
 
 
 def table_top(*faults):
-    """A part on the table of a cell, after the first squeeze."""
+    """A simulated table with a part that has been squeezed once, under the given faults."""
     setting = small_setting()._replace(world="lying", factory=lambda subject, seed: Lying())
     top = TableTop(setting, 1, Desk(Listed(faults)))
     top.squeeze((0.0, 0.0, 0.0))
@@ -46,7 +46,7 @@ def table_top(*faults):
 
 
 def audited(top):
-    """The answer of the audit where the predicted pose is the true one."""
+    """The audit's answer if the part's true pose was predicted."""
     take = RIG.watcher(top.look, seed=1)
     source = Shown(lambda: decoded(take(), "the cell's camera"))
     auditor = Auditor(source, KNOWN, [Subject(GOAL, part_tag())])
@@ -94,7 +94,7 @@ def test_camera_in_rehearsal_is_refused():
 
 
 def test_album_pictures_calibrate_camera_that_locates_part(tmp_path):
-    """Each of two parts has its own tag file."""
+    """The album shows two parts, and the calibration writes a tag file for each."""
     names, folder = ["hex nut", "spacer; rm"], tmp_path / "a folder"
     for words in album.write(RIG, folder, 3, names):
         with contextlib.redirect_stdout(io.StringIO()):

@@ -1,4 +1,4 @@
-"""The registers of the simulated DH gripper, as the manuals describe them and where these are silent."""
+"""The registers of the simulated DH gripper: what the manuals describe, and what they leave open."""
 
 import random
 
@@ -12,7 +12,7 @@ from runtime.table import profile_of
 
 
 class Bench:
-    """The device, and a part between its fingers."""
+    """A simulated gripper with a part of a given width, or none, between its fingers; and its time."""
 
     def __init__(self, width_mm=None):
         self.part = Part(width_mm)

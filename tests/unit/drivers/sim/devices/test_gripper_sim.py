@@ -16,7 +16,7 @@ def width_mm(count):
 
 
 class Bench:
-    """A model, its clock, and something between the fingers."""
+    """A simulated gripper, its time, and a part that stops its fingers at the count `contact`."""
 
     def __init__(self, contact=None, seed=1):
         self.part = Part(width_mm(contact))
@@ -31,7 +31,7 @@ class Bench:
         return decode(self.model.read_input(self.now))
 
     def traffic(self, seconds):
-        """Let time pass while a master polls, since silence would be fault 9."""
+        """Polls the gripper for some seconds, since silence would cause fault 9; returns the last status."""
         for _ in range(round(seconds / 0.05)):
             self.read(0.05)
         return self.read()

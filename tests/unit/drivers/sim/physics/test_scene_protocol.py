@@ -18,7 +18,10 @@ def site():
 
 @pytest.fixture
 def client(site):
-    """A function that connects to a scene, which answers with the name of the request."""
+    """A function that opens a connection to a scene.
+
+    The scene answers a request with the name of the request.
+    """
     port = open_port(answer, site)
     with contextlib.ExitStack() as connections:
         place = ("127.0.0.1", port)

@@ -14,7 +14,7 @@ READ_REPLY_LENGTH = 11
 
 
 def fed(slave, data):
-    """The answers to some bytes."""
+    """What the slave answers to the bytes `data`: a list of pieces."""
     return [piece.data for piece in slave.feed(data)]
 
 

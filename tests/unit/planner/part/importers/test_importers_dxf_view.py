@@ -12,7 +12,10 @@ CORNERS = (0, 0), (40, 20)  # of the plate
 
 
 def inserted(corners, content, *inserts):
-    """Draws a box with attributes in nested blocks, one for each insert, the last into the drawing."""
+    """Returns a function that draws a box within nested blocks: one block for each of `inserts`.
+
+    `content` are the attributes of the box; `inserts` are those of the references, from the inmost outwards.
+    """
 
     def draw(space, document):
         box(document.blocks.new("BLOCK"), *corners, **content)

@@ -60,7 +60,7 @@ def test_read_double_and_crossing_lines_return_the_plate(tmp_path, draw):
 
 
 def test_read_arc_drawn_as_several_curves_is_one(tmp_path):
-    """A half disc as an ARC, as a bulge in the other direction, and as a spline."""
+    """The same half circle is drawn as an ARC, as a bulge in the other direction, and as a spline."""
 
     def draw(space, _):
         space.add_line((0, 0), (40, 0))
@@ -157,7 +157,7 @@ def test_read_dimension_lines_that_close_a_contour_are_refused(tmp_path, layer, 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_regions_random_lines_equal_the_union_by_shapely(seed):
-    """Compares with the bounded faces that shapely alone finds; regions in turn share no edge."""
+    """The regions cover the same area as the bounded faces by shapely; successive regions share no edge."""
     random = np.random.default_rng(seed)
     drawn = [random.integers(0, 12, (2, 2)).astype(float) for _ in range(14)]
     drawn = [line for line in drawn if (line[0] != line[1]).any()]

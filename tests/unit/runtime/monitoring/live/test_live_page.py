@@ -19,7 +19,7 @@ OPEN = partial(answer, PAGES, local=False)
 
 
 def output(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, bytes]:
-    """Code, head and body of an answer."""
+    """Status code, head and body of the answer to the request `asked`."""
     head, _, body = answers(asked.encode("latin-1")).partition(b"\r\n\r\n")
     return int(head.split()[1]), head.decode(), body
 

@@ -69,7 +69,7 @@ def test_page_server_silent_or_deaf_client_is_disconnected(monkeypatch, serving)
 
 @pytest.fixture
 def patient(monkeypatch):
-    """A server waits longer for its clients than they for it."""
+    """The server waits longer for a client than the tests wait for the server."""
     monkeypatch.setattr(server, "PATIENCE_S", 10.0 * WAIT_S)
 
 

@@ -1,4 +1,4 @@
-"""The sequential verdict: bounds equal the planner's, its error at every look, the parts it needs."""
+"""The sequential verdict: its bounds equal the planner's, it is rarely wrong, and few parts suffice."""
 
 from itertools import pairwise
 
