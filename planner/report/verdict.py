@@ -195,7 +195,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     if names and names_parts(table):
         message += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
     wrong = sum(part.audit == "fail" for part in log.parts)
-    message += f", {wrong} of them found elsewhere by the audit" if wrong else ""
+    message += f", {wrong} refuted by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
     rejects = [squeeze for _, squeeze in log.rejects()]

@@ -120,8 +120,10 @@ def ended(tally: Tally) -> tuple[str, str]:
     """Describes how a run ended, for `Status.end`: a grade ("good", "fair" or "poor") and a sentence."""
     count, located = tally.parts, tally.outcomes[Outcome.LEAF]
     figures = f"{count} part{'s' * (count != 1)}, {located} located"
-    if tally.outcomes[Outcome.FAULT] or tally.outcomes[Outcome.ABORTED]:
+    if tally.outcomes[Outcome.FAULT]:
         return "poor", f"Stopped by a fault. {figures}."
+    if tally.outcomes[Outcome.ABORTED]:
+        return "poor", f"A part was given up. {figures}."
     if tally.outcomes[Outcome.STOPPED]:
         return "fair", f"Stopped by the operator. {figures}."
     return "good", f"Ended as planned. {figures}."

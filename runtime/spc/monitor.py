@@ -223,9 +223,9 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
     Each is at least `FLOOR_SHARE` of the goal's distance. For the angle this distance is divided by the
     goal's weight rho, in mm per rad.
     """
-    moments = leaf.covariance
-    floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
-    floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
+    moments, goal = leaf.covariance, table.goal_of(leaf.hypothesis)
+    floor_mm = FLOOR_SHARE * goal.distance_um / 1000.0
+    floor_rad = floor_mm * 1000.0 / max(goal.rho_um, 1)
     return (
         max(0.1 * sqrt(max(moments.xx, 0)), floor_mm),
         max(0.1 * sqrt(max(moments.yy, 0)), floor_mm),

@@ -142,7 +142,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     monitor = Monitor(table, expected)
     alarms = tuple(monitor.watch(history))
     return Summary(
-        _counted(part.outcome or "broken off" for part in parts),
+        _counted(part.outcome for part in parts),
         _counted(part.verdict for part in parts if part.verdict is not None),
         passed,
         judged,

@@ -4,7 +4,7 @@ scipy's `solve_ivp` integrates the part's velocity over s, the distance that eac
 pose geometry gives the contacts, and the velocity is that of a consistent mode of these contacts
 (`lcp_twin.motions`). A contact with a gap g may close at the rate g / `REACH_MM`, so that the velocity does
 not jump at a touch. If no mode is consistent, the part is held. The simulator shares no code with
-`planner.mechanics`, and is meant for polygons of few vertices.
+`planner.mechanics`; it is meant for polygons of few vertices.
 """
 
 import math
@@ -16,6 +16,8 @@ from contact_problems import ContactProblem
 from lcp_twin import motions
 from problems import place
 from scipy.integrate import solve_ivp
+
+from planner.mechanics.clearance import Jaws
 
 REACH_MM = 0.01
 """Gap below which a pair of features counts as a contact; results are accurate to a few times as much."""
@@ -32,14 +34,14 @@ class Part(NamedTuple):
         A: (3, 3) limit surface matrix in the part's frame.
         rho: the length that normalises A, mm.
         mu: friction at both fingers.
-        jaws: opening of the jaws, length and thickness of the fingers, mm; a fourth entry is not used.
+        jaws: the jaws; the share of the closing of each finger is not used.
     """
 
     outline: np.ndarray
     A: np.ndarray
     rho: float
     mu: float
-    jaws: np.ndarray
+    jaws: Jaws
 
 
 class Result(NamedTuple):

@@ -33,7 +33,7 @@ KINDS = {
     "unresolved": "Not located",
     "fault": "Fault",
     "stopped": "Stopped by the operator",
-    "aborted": "Journal not written",
+    "aborted": "Given up",
     "audit": "Refuted by the camera",
     "delivery": "Not delivered",
 }

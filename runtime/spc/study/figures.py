@@ -99,7 +99,9 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         )
     course = list(followed(history.parts, limit))
     if not course:
-        raise UsageError("the operator stopped every part of the journals; run some to their end")
+        raise UsageError(
+            "every part of the journals was stopped or given up; run some to their end"
+        )
     step = max(1, len(course) // CHECKPOINTS)
     decided = course[-1].decided_at
     curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))

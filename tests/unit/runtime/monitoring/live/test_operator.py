@@ -65,6 +65,13 @@ def test_operator_screen_names_and_reasons_are_escaped():
     assert "&lt;img src=x onerror=&quot;alert(1)&quot;&gt;Prüfling" in text
 
 
+def test_ended_part_given_up_is_poor_but_no_fault():
+    """A robot that hangs up ends the run as well as a device does, but nothing is at fault in the cell."""
+    tally = Tally()
+    tally.add(part(1, Outcome.ABORTED, [], "the robot hung up"), None)
+    assert ended(tally) == ("poor", "A part was given up. 1 part, 0 located.")
+
+
 def test_ended_normal_run_is_good_and_fault_states_cause():
     tally = Tally()
     tally.add(part(), None)
