@@ -1,0 +1,127 @@
+"""Plans jobs with one layer of the search switched off at a time; not part of `tools/check`.
+
+    python tests/bench/bench_ablation.py                                 all layers, six parts, three seeds
+    python tests/bench/bench_ablation.py --layer splits --only rectangle
+    python tests/bench/bench_ablation.py --report                        only print what is kept
+
+A layer is a step of the search that could be left out. The table shows what each layer buys: how much the
+total (mean squeezes + 100 x the share of parts that are not located), the squeezes and the processor time
+rise without it, as the mean over all plans and the standard error of this mean. 20 000 parts that decided
+nothing judge a plan. Plans are kept one by one in `results/ablation.json`; what is kept is not planned again. The seeds are not those by which `bench_planner.py` judges the planner.
+"""
+
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass
+from itertools import product
+from statistics import fmean, stdev
+from time import process_time
+from unittest.mock import patch
+
+import harness
+import numpy as np
+from programs import TREES
+
+from planner import planning
+from planner.compile import compile_job
+from planner.job.model import load
+from planner.search import search
+from planner.search.effort import PASSES
+from planner.search.ranking import Ranking
+from planner.search.search import Search
+
+RESULTS = harness.Kept("ablation")
+PARTS = ("rectangle", "butterfly-10", "hex-nut", "rectangle-25", "gusset", "kite")
+SEEDS = (11, 12, 13)
+NONE = "none"  # the name of the complete search
+
+
+# What takes the place of an attribute where a layer is switched off: its owner, its name, the replacement.
+LAYERS: dict[str, tuple[object, str, object]] = {
+    "second partitions": (
+        Search,
+        "_partitions",
+        lambda self, _, read: [self._cut(read, self.problem.rule)],
+    ),
+    "splits of branches": (Search, "_split", lambda self, node: None),
+    "variants of good grasp poses": (
+        Ranking,
+        "varied",
+        lambda self, belief, thin, options, rng: options,
+    ),
+    "grasp poses of other nodes": (search, "to_hand", lambda poses, mode: np.zeros((0, 3))),
+    "exploring pass": (planning, "PASSES", tuple(each for each in PASSES if not each.explores)),
+    "retries beyond the best": (search, "MARGIN", 1e-9),
+    "repeated particles": (search, "LEAST_PARTICLES", 1),
+    "trials that reopen leaves": (planning, "ATTEMPTS", 0),
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The figures of one plan; `without` is the layer that was switched off."""
+
+    without: str
+    part: str
+    seed: int
+    squeezes: float
+    success: float
+    cpu_s: float
+
+    @property
+    def total(self) -> float:
+        """Mean squeezes, plus 100 for each part that is not located."""
+        return self.squeezes + 100.0 * (1.0 - self.success)
+
+
+def planned(layer: str, part: str, seed: int) -> Plan:
+    """Plans one job on one thread without a layer."""
+    job, began_s = load(TREES / part / "job.toml").replaced(seed=seed), process_time()
+    with nullcontext() if layer == NONE else patch.object(*LAYERS[layer]):
+        run = compile_job(job, workers=1).evaluation
+    figures = float(run.squeezes.mean()), float(run.success.mean())
+    return Plan(layer, part, seed, *figures, round(process_time() - began_s, 2))
+
+
+def report(plans: list[Plan]) -> None:
+    """Prints what rises without each layer: mean and standard error of the differences of plans."""
+    whole = {(plan.part, plan.seed): plan for plan in plans if plan.without == NONE}
+    print(f"{'without':32} {'plans':>5}  {'total':>15}  {'squeezes':>15}  processor time")
+    for layer in LAYERS:
+        pairs = [
+            (plan, whole[plan.part, plan.seed])
+            for plan in plans
+            if plan.without == layer and (plan.part, plan.seed) in whole
+        ]
+        if len(pairs) < 2:
+            continue
+        rises = [
+            [after.total - before.total for after, before in pairs],
+            [after.squeezes - before.squeezes for after, before in pairs],
+        ]
+        figures = [f"{fmean(rise):+.3f} ({stdev(rise) / len(rise) ** 0.5:.3f})" for rise in rises]
+        share = sum(after.cpu_s for after, _ in pairs) / sum(before.cpu_s for _, before in pairs)
+        print(f"{layer:32} {len(pairs):5}  {figures[0]:>15}  {figures[1]:>15}  x {share:.2f}")
+
+
+def main() -> None:
+    parser = harness.parser(__doc__)
+    parser.add_argument(
+        "--layer", nargs="+", choices=LAYERS, default=list(LAYERS), help="these layers"
+    )
+    parser.add_argument("--only", nargs="+", default=list(PARTS), help="these parts")
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
+    parser.add_argument("--report", action="store_true", help="plan nothing, print what is kept")
+    arguments = parser.parse_args()
+    plans = {(row["without"], row["part"], row["seed"]): Plan(**row) for row in RESULTS.read([])}
+    if not arguments.report:
+        for case in product([NONE, *arguments.layer], arguments.only, arguments.seeds):
+            if case not in plans:
+                plans[case] = planned(*case)
+                rows = sorted(plans.values(), key=lambda plan: (plan.without, plan.part, plan.seed))
+                RESULTS.write_rows([asdict(row) for row in rows])
+                print(plans[case], flush=True)
+    report(list(plans.values()))
+
+
+if __name__ == "__main__":
+    main()
