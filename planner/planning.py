@@ -244,7 +244,8 @@ def judged(
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
     """Returns the error that no leaf reaches the goal.
 
-    If the search was complete, the error also names poses of the part that the plan cannot tell apart.
+    If the search was complete and the job has one hypothesis, the error also states where the parts of the
+    most frequent unresolved leaf lie.
     """
     evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
