@@ -184,7 +184,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
 def _better(search: Search, new: Node, root: Node, *, repairs: bool) -> bool:
     """Whether the tree of a pass that was cut short is better than the tree `root` of the pass before.
 
-    Unless `repairs` follow that can finish it, the new tree first loses its unfinished actions.
+    If no `repairs` follow that can finish the new tree, its unfinished actions are removed first.
     """
     feasible = search.missing(root) < TRACTABLE and search.missing(new) < REPAIRABLE
     if repairs and feasible and not search.stage.explores:
@@ -213,7 +213,7 @@ def _parts(run: Evaluation) -> Belief:
 def finished(
     root: Node, job: Job, table: Table, run: Evaluation, trials: int, cut: Cut | None = None
 ) -> Planned:
-    """Removes the branches to leaves that no trial of any round reached, so that their widths are REJECT.
+    """Returns the plan without branches to leaves that no trial of any round reached: REJECT replaces them.
 
     Raises:
         NoPlanError: no branch remains.
@@ -242,7 +242,11 @@ def judged(
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
-    """Returns the error that no leaf reaches the goal; it names the open poses if the search was complete."""
+    """Returns the error that no leaf reaches the goal.
+
+    If the search was complete and the job has one hypothesis, the error also states where the parts of the
+    most frequent unresolved leaf lie.
+    """
     evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:

@@ -102,9 +102,9 @@ class ContactWorld:
 
     @property
     def _unusual(self) -> tuple[Traits, ...]:
-        """The traits that the job states, as the last argument of a call; () if they are nominal.
+        """Last arguments of `squeeze_many` and `push_many`: the traits that the job states; none if nominal.
 
-        A derived world may have methods without an argument for traits.
+        So these methods of a derived world need no argument for traits if the job states nominal ones.
         """
         return () if ordinary(self._stated).all() else (self._stated,)
 

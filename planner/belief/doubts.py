@@ -45,7 +45,7 @@ def traits_of(job: Job, n: int, rng: Generator, *, with_doubts: bool = True) -> 
 
 
 def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
-    """Draws the traits (n,) of parts that are pushed along listed paths and of which nothing was measured.
+    """Draws the traits (n,) of parts about which nothing was measured, for pushes along given paths.
 
     The pressure distribution and the friction of the pusher are drawn independently. The limit surface
     scatters as much as the job's doubt allows. The latent parameters of jaws and encoder keep their planned
@@ -141,9 +141,10 @@ def _within(interval: Interval, n: int, rng: Generator) -> Array:
 
 
 def _deviations(tolerance_mm: float, n: int, rng: Generator) -> Array:
-    """Draws deviations (n, SHAPES) of outlines from the nominal one [mm].
+    """Draws deviations (n, SHAPES) of the parts' outlines from the nominal outline [mm].
 
-    The offset deviates in a random half of the parts, and so does the scale; the waves deviate in all.
+    The first column, an offset, is 0 in a random half of the parts; so is the second, a change of scale, in
+    another random half. The other columns, waves along the outline, deviate in all parts.
     """
     shapes = np.empty((n, SHAPES))
     for k in range(2):
@@ -161,5 +162,5 @@ def stated(job: Job, n: int) -> Traits:
 
 
 def closing_mm(job: Job) -> float:
-    """How far the jaws close on the part's narrowest side."""
+    """Distance that the jaws close from fully open to the least width of the part [mm]."""
     return float(job.gripper.opening_mm - min_width(job.part.outline_mm))

@@ -42,9 +42,9 @@ class Metric(NamedTuple):
     and "orientation" the largest deviation in units of its tolerance, so that the goal is 1. For "identity"
     it is 0.
 
-    With several hypotheses a state has a fourth column, its hypothesis; a state of three columns is of the
-    first. The symmetry belongs to the state's hypothesis. States of different hypotheses are infinitely far
-    apart, unless the goal does not ask for the hypothesis.
+    With several hypotheses a state has a fourth column, its hypothesis; a state of three columns belongs to
+    the first hypothesis. The symmetry is that of the state's hypothesis. If the goal asks for the hypothesis,
+    states of different hypotheses are infinitely far apart.
     """
 
     distance_mm: float  # the goal of d
@@ -167,7 +167,7 @@ def metric_of(job: Job) -> Metric:
 def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
     """Distance of state i from `centre`, in units of the goal, and the turn from `centre` to the state [rad].
 
-    The distance is infinite for a state of another hypothesis, unless the goal does not ask for it.
+    If the goal asks for the hypothesis, a state of another hypothesis than `centre` is infinitely far away.
     """
     which = 0
     if columns.shape[0] > 3:
@@ -229,7 +229,10 @@ def inliers(
     inside: BoolArray,
     mean: Array,
 ) -> int:
-    """`within` that also fills `mean` with the mean of the marked states, taken about the centre."""
+    """Marks and counts states as `within` does, and writes the mean of the marked states into `mean`.
+
+    The mean is taken of the deviations from the centre, so that turns count modulo the symmetry.
+    """
     count = within(columns, low, high, centre, weights, inside)
     mean[:] = 0.0
     for i in range(low, high):

@@ -83,7 +83,7 @@ class Partition(NamedTuple):
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
-        """Computes the clusters from their readings, one non-empty array for each cluster."""
+        """Computes the mean, limits and size of each cluster from a non-empty array of its readings."""
         return cls(
             mean=np.array([each.mean() for each in readings]),
             low=np.array([each.min() for each in readings]),

@@ -77,8 +77,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
 def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
     """Draws n poses as `initial` does, but on a randomly shifted lattice: plans vary less between seeds.
 
-    Multiples of the inverse powers of `RATIO`, reduced to their fractions, fill a cube evenly (Roberts
-    2018).
+    The fractional parts of multiples of the inverse powers of `RATIO` fill a cube evenly (Roberts 2018).
     """
     steps = np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))
     return _poses(job, (rng.random((3, 1)) + steps) % 1.0)

@@ -11,8 +11,8 @@ keeps cuts away from readings that occur: an encoder a little off would take suc
 Dynamic programming finds the cuts of least cost.
 
 The share of an interval's particles that lie at one pose is found from a list of candidate poses. The numbers
-of particles within the goal of each candidate are summed over the cells once, for all intervals. Readings of
-an empty hand (the part slipped out or was never touched) are always an interval of their own.
+of particles within the goal of each candidate are summed over cells of readings once, for all intervals.
+Readings of an empty hand (the part slipped out or was never touched) are always an interval of their own.
 
 A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps: the
 resolution does not increase the arrays, nor the time, which is quadratic in their size.
@@ -46,8 +46,8 @@ class Rule(NamedTuple):
             wrong answers where encoders are off, and more squeezes.
         astray: cost of a part that strays into a branch that is squeezed again [squeezes]; a larger value
             has the same effects.
-        branch: cost of an interval [squeezes of one particle]; a larger value gives smaller tables, a smaller
-            one fits noise.
+        branch: cost of one interval, in units of one squeeze of one particle; a larger value gives smaller
+            tables, a smaller one fits noise.
         reach: distance within which a reading counts as near a cut, in units of the scatter
             `Resolution.grain`.
     """
@@ -86,14 +86,14 @@ class Costs(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Running totals of particles over the m counts that occur, ascending: row i has the first i counts."""
+    """Running totals of particles over the m encoder counts that occur: row i sums the i lowest counts."""
 
     hits: IntArray  # (m + 1, c) particles within the goal of each candidate
     size: IntArray  # (m + 1,) all particles
 
 
 class Reach(NamedTuple):
-    """The counts within reach of each place where m ascending counts may be cut, as two bounds.
+    """For each place where m ascending counts may be cut, two bounds of the counts within reach of it.
 
     An encoder that is slightly off may read such a count on the other side of the cut.
     """
@@ -230,7 +230,7 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Most particles of counts i to j - 1 within the goal of one candidate, and the index of this candidate.
+    """Finds the candidate with most particles of counts i to j - 1 within the goal: their number, its index.
 
     If the goal allows several modes, the number is for the best `modes` candidates, and the index is -1.
     """

@@ -14,11 +14,11 @@ def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
     """Splits an interval of readings where the outcome of the next squeeze shows that this lowers the cost.
 
     A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
-    before this squeeze is not squeezed again, so it costs at least as much as a leaf.
+    already becomes a leaf without the next squeeze, so it costs at least as much as that leaf.
 
     Args:
         old: n particles, their readings all of one interval.
-        new: the same particles after the squeeze.
+        new: the same particles after the next squeeze.
         rule: how readings are cut.
 
     Returns:

@@ -53,7 +53,7 @@ class StoppingRule(NamedTuple):
         """Whether a table may call a leaf resolved, by its mode ratio in a sample of `size` particles.
 
         It may if the ratio reaches the confidence. It also may if the sample has at least `LEAST_EVIDENCE`
-        particles and does not refute that the true share reaches the confidence.
+        particles and is compatible with a true share as large as the confidence.
         """
         enough, hits = size >= LEAST_EVIDENCE, round(ratio * size)
         return self.reached(ratio) or (enough and not tables.refuted(hits, size, self.confidence))

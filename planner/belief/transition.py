@@ -24,7 +24,7 @@ Case: TypeAlias = tuple[Belief, Array]
 
 
 class Push(NamedTuple):
-    """A push: the hand comes down beside the part, and moves straight ahead along its own x axis."""
+    """A push: the hand comes down beside the part, and moves straight along the x axis of the hand frame."""
 
     start: Array  # (3,) the hand frame in the world, where it comes down [mm, mm, rad]
     opening_mm: float  # opening of the jaws; 0: closed

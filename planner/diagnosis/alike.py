@@ -30,7 +30,7 @@ class Alike(NamedTuple):
 
     @property
     def hopeless(self) -> bool:
-        """Whether no search can find a plan: all turned parts are possible, and exactly alike."""
+        """Whether no search can find a plan: the turn changes nothing, and no turned part is ruled out."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:

@@ -15,8 +15,8 @@ HARDLY = 0.01  # share of located trials below which a part, one of several, get
 def warnings_of(job: Job) -> list[str]:
     """Returns warnings about finger tips near the table or near the part's top, and about goals too large.
 
-    A goal is too large if it says little about where a part of this width lies. Each warning is a sentence
-    without its full stop. It names the part if there are several.
+    A goal is too large if it exceeds `LARGE_GOAL` times the part's least width. Each warning is a sentence
+    without its full stop. It names the part if the job has several.
     """
     results = []
     for alone in job.alone:

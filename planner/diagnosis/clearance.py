@@ -71,8 +71,8 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
     """Whether some placement of the hand, open to `opening_mm`, collides with none of the parts.
 
-    The parts may lie anywhere in a disc of `radius_mm`, at the angles of the job. The share of collisions
-    that the goal allows does not count.
+    The parts may lie anywhere in a disc of `radius_mm`, at the angles of the job. At up to the share
+    `crash_share` of these poses, which the goal allows, the hand may collide.
     """
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening_mm)
     poses = _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)

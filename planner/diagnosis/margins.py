@@ -61,7 +61,7 @@ def margins_of(
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts with a reading so near another branch that a small offset of the width changes it.
+    """Share of the parts that would take another branch at some squeeze if the width were slightly off.
 
     The offset is at most `OFFSET` times the encoder's grain, which is the scatter of the readings of one
     width.

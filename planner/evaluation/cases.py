@@ -1,6 +1,6 @@
 """Lists of cases: a case is a named simulated world that differs from the plan's assumptions.
 
-Each use has its own list.
+Each use of cases, such as a sweep or a control chart, has its own list.
 """
 
 from collections.abc import Mapping

@@ -46,8 +46,8 @@ class Disturbance:
             job: states the parts.
             n: number of parts.
             rng: draws the hypothesis of each part and its latent parameters.
-            foreign: whether the parts are in another world than the contact world. Such a world has errors of
-                its own, so only the hypotheses are drawn, unless `believed`.
+            foreign: whether the cell's world is not a contact world. Such a world simulates errors of its
+                own. So only the hypotheses are drawn for it, unless `believed` adds the job's doubts.
         """
         if foreign and not self.believed:
             traits = hypotheses_of(job, n, rng)

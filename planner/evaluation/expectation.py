@@ -21,7 +21,7 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """Yields the "name" of each of `friction_cases`, and histograms of the "readings" at the nodes."""
+    """Yields for each of `friction_cases` its "name", and a histogram of the "readings" at each node."""
     for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]

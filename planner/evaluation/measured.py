@@ -115,7 +115,7 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 
 
 def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Leaf:
-    """Returns an unresolved leaf with alternatives: the main poses of its parts but the predicted one.
+    """Returns an unresolved leaf with alternatives: the main poses of its parts, except the predicted one.
 
     `states` are the final poses of the parts.
     """

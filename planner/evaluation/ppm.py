@@ -149,7 +149,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
 
 
 def copies_of(table: Table) -> IntArray:
-    """Number of copies of a part to follow at each node; more at nodes that few parts are predicted to reach.
+    """How many copies of a part are simulated from each node on; more where few parts are predicted to be.
 
     Args:
         table: a table of N nodes, children after their parents.

@@ -92,7 +92,7 @@ class _Pair(NamedTuple):
 
 
 class _Geometry(NamedTuple):
-    """Fields of a `CONTACT` record for gap, place, normal and slips, but with x and y in the hand frame."""
+    """Fields of a `CONTACT` record for gap, place, normal and slips; here, x and y are in the hand frame."""
 
     gap: float
     x: float
@@ -335,9 +335,10 @@ def find(
 ) -> int:
     """Finds all contacts whose gaps are at most `margin` [mm]; returns their number.
 
-    An inner face touches only vertices that are nearer to it than both of their neighbours, and the nearer
-    neighbour of each. The contacts are written into `contacts`, and the outcodes of `mark` into `out` (N,).
-    `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of the part at pose q (3,).
+    An inner face touches each vertex that is nearer to it than both neighbouring vertices, and the nearer of
+    these two neighbours. The contacts are written into `contacts`, and the outcodes of `mark` into `out`
+    (N,). `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of the part at pose q
+    (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)

@@ -53,7 +53,7 @@ STUCK_MM, STUCK_DEG = 10.0, 5.0
 
 
 class Parameters(NamedTuple):
-    """Mechanical parameters of n roll-outs: limit surface, friction, release, finger share and outline."""
+    """Mechanical parameters of n roll-outs, such as the limit surface and the friction."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as from `surface.sample_each`
     mu: Array  # (n, 2) friction at the upper and the lower finger
@@ -137,8 +137,9 @@ class Simulator:
         )
 
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
-        """Draws parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
+        """Draws parameters of n roll-outs: limit surfaces, friction, and motions of parts on release.
 
+        Limit surfaces have a Wishart distribution, friction a uniform one, motions on release a normal one.
         The `traits` (n,) of the parts choose the nominal surface and the degrees of freedom of its scatter.
         They also state the finger share, the deviations of the outline and, unless `FRESH`, the friction. If
         `traits` is None, all parts are as planned.
@@ -262,8 +263,8 @@ class Simulator:
     ) -> Array:
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
-        If the fingers close unevenly, they push from beside the middle of the hand. Deviations of outlines
-        are ignored, since they are tenths of a millimetre.
+        If the fingers close unevenly, the middle between them lies beside the middle of the hand. Deviations
+        of outlines are ignored, since they are tenths of a millimetre.
 
         Args:
             poses: (n, 3) poses of the parts in the hand's frame at the start, clear of the fingers [mm, mm,

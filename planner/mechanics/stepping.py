@@ -108,7 +108,7 @@ def _turn_back(work: SqueezeWork) -> None:
 
 @merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
-    """Solves one step for a part turned by an angle of cosine c and sine s; returns a status as `step.solve`.
+    """Solves one step for a part turned by an angle of cosine c and sine s; returns a status (`step.solve`).
 
     `work.step.V` receives the part's displacement in the boundary's frame.
     """
@@ -130,7 +130,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
     `work.euler` and `work.step.V` receive the displacements of the Euler and of the midpoint step.
 
     Returns:
-        A status as `step.solve`, and the difference between the two displacements [mm]. The difference is -1
+        A status (`step.solve`), and the difference between the two displacements [mm]. The difference is -1
         if the Euler step has no solution, and 0 if only the midpoint step has none.
     """
     contacts, V, first, count = work.step.contacts, work.step.V, work.euler, work.count

@@ -62,7 +62,7 @@ def _wrench(contacts: Contacts, count: int, c: float, s: float, F: Array) -> flo
 def solve_surface(
     surface: Array, c: float, s: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
 ) -> int:
-    """Solves the step for a part turned by an angle of cosine c and sine s; returns a status as `step.solve`.
+    """Solves the step for a part turned by an angle of cosine c and sine s; returns a status (`step.solve`).
 
     `surface` is the matrix (3, 3) of an ellipsoid or the table (6, 6) of a quartic, in the part's frame.
     `work.A` receives the matrix of the last LCP. For a quartic the sequence of LCPs starts from the wrench in

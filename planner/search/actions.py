@@ -54,7 +54,10 @@ class ActionSet:
     first: Array | None = None
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements, then one for each fixed angle at the mean of the poses (n, 3): (k, 3)."""
+        """Placements (k, 3) for pushed parts at poses (n, 3): the fixed ones, and some at the mean pose.
+
+        Of the latter there is one for each fixed angle.
+        """
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return np.concatenate([self.placements, about])
@@ -76,10 +79,10 @@ class ActionSet:
 
 
 def middle_of(states: Array, mode: Mode) -> Array:
-    """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite.
+    """A mode's pose (3,), moved to the middle of the states that lie at its angle or half a turn from it.
 
-    Returns the mode's pose itself where no state lies so: a mode may lie between states, or be the symmetric
-    pose of all of them.
+    Returns the mode's pose itself if none of the states (n, 3 or 4) has such an angle: a mode may lie between
+    states, or be the symmetric pose of all of them.
     """
     angle = mode.pose[2]
     along = states[np.abs(wrap(states[:, 2] - angle, 2)) < ALONG, :2]

@@ -1,4 +1,4 @@
-"""Effort of the search: its passes, and the effort at a node by its probability."""
+"""Effort of the search: the settings of each pass, and the effort at a node, which its probability sets."""
 
 from typing import NamedTuple
 

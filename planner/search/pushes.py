@@ -59,7 +59,7 @@ class Pusher:
         self._area, self._turnable = np.array(job.cell.work_area_mm), turnable(job)
 
     def options(self, belief: Belief) -> list[Push]:
-        """Candidate pushes: each starts before all parts of a belief, and ends past the near side of all."""
+        """Candidate pushes: each starts in front of all particles and ends past the near edge of each one."""
         result, farthest = list[Push](), max(map(reach, self._outlines))
         for angle in self._angles(belief):
             c, s = np.cos(angle), np.sin(angle)

@@ -1,12 +1,13 @@
-"""Best-first search of an AND/OR tree of beliefs (AO*, Nilsson 1980), anytime by passes of doubling size.
+"""Best-first search of an AND/OR tree of beliefs (AO*, Nilsson 1980), anytime by passes of growing size.
 
 A pass expands the leaves of the best partial plan with the largest probability x value, a few at once, until
 none is open, and backs the values up; the best action of any node may change on the way. Expanding ranks
 many grasp poses by one squeeze each and then squeezes the node's whole belief at the best few; each becomes
-an action, at probable nodes once for each of two partitions. Every pass draws new particles, twice as many
-as the one before, and its nodes first try the actions that were best at their counterparts: a winner is
-valued by particles that did not choose it. Fresh trials join the beliefs of the leaves where they end;
-leaves that they refute are open again, and the same loop expands them.
+an action, or two at a probable node, whose readings are partitioned by two rules. A pass draws new particles,
+in the end twice as many as the pass before, and its nodes first try the actions that were best at their
+counterparts: a winner is valued by particles that did not choose it. One early pass keeps the tree instead
+and expands it below other first squeezes. Fresh trials join the beliefs of the leaves where they end; leaves
+that they refute are open again, and the same loop expands them.
 """
 
 from __future__ import annotations
@@ -129,7 +130,7 @@ class Search:
         """After a pass was cut short, removes the unfinished actions of each node that has a finished action.
 
         Returns:
-            Whether the node is finished: no leaf below it is one that the pass would have expanded.
+            Whether the node is finished: the pass would expand no leaf that is still below it.
         """
         if node.actions is None:
             return not self._is_due(node)
@@ -483,8 +484,8 @@ class Search:
     def _narrowed(self, node: Node, action: Action, cuts: IntArray, piece: int) -> Action:
         """Restricts an action of a node to the particles of one piece of the node.
 
-        Particles are in a piece by the reading that led to the node, before the squeeze of the action. `cuts`
-        separate the readings of the pieces, and `piece` is the number of the piece.
+        The pieces differ in the readings that led to the node, before the squeeze of the action: `cuts`
+        separate these readings, and `piece` is the number of the piece.
         """
         assert action.origin is not None
         before, after, rule = action.origin
