@@ -1,8 +1,8 @@
-"""Certificate of a plan: a lower bound on the mean squeezes of all plans that locate parts as well.
+"""Certificate of a plan: a lower bound on the mean squeezes of all plans that are at least as good.
 
-The bound holds for plans whose first `DEPTH` squeezes are at placements of the job, along stable sides of the
-part, or at placements of the certified plan. A plan that squeezes at other placements may need fewer
-squeezes.
+The bound holds for plans whose first `DEPTH` squeezes are at placements of three kinds: placements of the
+job, placements at which the jaws close along stable sides of the part, and placements of the certified plan.
+A plan that squeezes at other placements may need fewer squeezes.
 """
 
 import math
@@ -49,9 +49,9 @@ SEED_PILOTS = 0x50494C4F
 class Covered:
     """Gives the placements that a class of plans may use after a history of squeezes.
 
-    An instance is called with a history; it is a `planner.bound.histories.Placements`. The placements along
-    stable sides are computed from a separate sample of parts, since the class of plans may not depend on the
-    sample that proves the bound.
+    Call an instance with a history, as described at `planner.bound.histories.Placements`. The placements
+    along stable sides are computed from a separate sample of parts, since the class of plans may not depend
+    on the sample that proves the bound.
 
     Attributes:
         first: (k, 3) placements of the first squeeze: the table's, then all others that are not equivalent to
@@ -59,7 +59,10 @@ class Covered:
     """
 
     def __init__(self, job: Job, table: Table, squeeze: Squeeze, dense: bool) -> None:
-        """Collects the placements of a job and of its table and, if `dense`, a grid about the middle."""
+        """Collects the placements of a job and of its table and, if `dense`, a grid about the world's origin.
+
+        The grid has all pairs of an angle and a shift of the hand along its fingers.
+        """
         self._actions, self._metric, self._squeeze = actions_of(job), metric_of(job), squeeze
         self._more, self._seed = np.zeros((0, 3)), [job.seed, SEED_PILOTS]
         if dense:  # every 15 degrees, in the middle and on either side of it
@@ -78,8 +81,8 @@ class Covered:
     def __call__(self, history: History) -> Array:
         """The placements (k, 3) of the squeeze after a history.
 
-        After the first squeeze, the table's placement comes last; it is missing if the table has no squeeze
-        after this history.
+        For an empty history these are `first`. For any other the table's placement comes last, or is missing
+        if the table has no squeeze after this history.
         """
         if not history:
             return self.first
@@ -137,7 +140,7 @@ class Certificate:
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans in the classes of both `leaves` and `overall`: the greater of the two."""
+        """The greater of the bounds `leaves` and `overall`, for plans that belong to both classes."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property
@@ -182,7 +185,7 @@ class Certificate:
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """Returns a function that squeezes the parts of a belief once, with the latent parameters of each part.
 
-    It draws the mechanics and the noise as in the world of the evaluation.
+    The function draws the contact mechanics and the noise of readings as the world of the evaluation does.
     """
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
@@ -205,16 +208,16 @@ def certify(
 ) -> Certificate:
     """Proves a lower bound on the mean squeezes of all plans that are as good as a table.
 
-    The bound holds with probability `CERTAINTY`. A plan is as good if it locates at least the share of parts
-    that the table locates (lower limit from the table's trials), at leaves that are right as often as the
-    job's goal asks. Its first `DEPTH` squeezes must be at placements of the job, along stable sides, or of
-    the table.
+    The bound holds with probability `CERTAINTY`. A plan is as good if it locates at least as large a share of
+    parts as the table, and each leaf that states a pose is right as often as the job's goal asks. The table's
+    share is the lower limit from its trials. The first `DEPTH` squeezes of the plan must be at the placements
+    that the module's docstring describes.
 
     Args:
         job: the job.
         table: a table of the job, with the figures of its trials.
         parts: size of the sample; more parts give a tighter bound.
-        dense: whether plans may also use a grid of placements about the middle.
+        dense: whether plans may also use a grid of placements about the world's origin.
         workers: threads, all cores if None; the result does not depend on it.
         report: receives the progress.
     """

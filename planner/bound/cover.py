@@ -31,7 +31,7 @@ MOST_CELLS = 20000  # most cells visited; the bound holds wherever the search en
 def most_located(
     poses: Array, start: IntArray, weights: Array, order: int, workers: int | None = 1
 ) -> IntArray:
-    """For each group of poses, an upper bound on the number of its poses that one prediction can locate.
+    """Bounds from above, for each group of poses, how many of its poses one prediction can locate.
 
     Args:
         poses: (n, 3) the groups one after the other [mm, mm, rad].
@@ -88,9 +88,9 @@ def _most_located(
 def _localise(
     poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
 ) -> bool:
-    """Converts poses to units of the goal, and their angles to differences from the most frequent angle.
+    """Converts poses to units of the goal, and their angles to differences from the middle of a window.
 
-    The difference is taken from the middle of the window of angles, two goals wide, that contains most poses.
+    The window is an interval of angles, two goals wide. It is placed where it contains the most poses.
 
     Args:
         poses: (n, 3) the poses of a group [mm, mm, rad].

@@ -61,7 +61,10 @@ class Lying(NamedTuple):
     start: IntArray  # (h + 1,) first row of each history, then n
 
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
-        """The rows (m,) of the parts of the given histories, and for each row the position in `histories`."""
+        """Returns the rows (m,) of all parts that have one of the given histories.
+
+        Also returns the index in `histories` of each row's history, (m,).
+        """
         size = np.diff(self.start)[histories]
         before = np.cumsum(size) - size
         rows = np.arange(size.sum()) + np.repeat(self.start[histories] - before, size)
@@ -148,7 +151,7 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """Upper bound (k,) on the parts of each group that one answer locates.
+        """Returns upper bounds (k,): how many parts of each of k groups one answer can locate at most.
 
         An answer states `metric.modes` poses. Group i has the rows of `poses` from `start[i]` to `start[i +
         1]` - 1.
@@ -159,7 +162,7 @@ class Histories:
 
 
 def _together(pieces: list[Lying]) -> Lying:
-    """Joins the groups of parts of several sets of histories, one set after the other."""
+    """Concatenates several records to one, with the histories of each record after those before it."""
     if not pieces:
         return Lying(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(1, np.int64))
     poses, part, starts = zip(*pieces, strict=True)

@@ -60,19 +60,19 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 
 
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
-    """Least mean cost of any plan on the sample: its squeezes, and `price` for each claimed part it misses.
+    """Least mean cost of any plan on the sample [squeezes a part].
 
-    To claim n parts, of which m are located, costs price * (confidence n - m). If a plan continues beyond the
-    histories in `levels`, each part costs one more squeeze and none counts as missed.
+    Each squeeze costs 1. To claim n parts, of which m are located, costs price * (confidence n - m). Beyond
+    the histories in `levels`, a plan needs one more squeeze for each part, and its claims cost nothing.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
 
 
 def worth_trying(levels: list[Level], level: int, price: float, confidence: float) -> IntArray:
-    """Histories of a level after which the cheapest plan squeezes again, and which are not yet extended.
+    """Finds the histories of a level after which the cheapest plan squeezes again, if not yet extended.
 
-    The result holds their numbers in the level.
+    Returns the numbers of these histories in the level.
     """
     values = _values(levels, price, confidence)
     reached = np.zeros(1, np.int64)
@@ -115,11 +115,11 @@ def _best(
 
     Args:
         estimates: least cost on the sample at each price.
-        sampled: least cost at each price, less an allowance for parts that the sample misses by chance; costs
-            lie between 1 and depth + 1.
+        sampled: least cost at each price, less an allowance: by chance, a plan may miss more parts on the
+            sample than on average. Costs lie between 1 and depth + 1.
         levels: the histories.
         error: probability with which the bound on the mean cost may fail.
-        unclaimed: squeezes to subtract for parts that are not claimed.
+        unclaimed: allowance to subtract, since a plan need not claim every part [squeezes a part].
     """
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)

@@ -192,8 +192,9 @@ def _onto_ellipsoid(F: Array, A: Array) -> Array:
 def friction(data: Normalised) -> float:
     """Estimates mu N [N]: the mean force that slides the part without turning it.
 
-    Several times, an ellipsoid A is fitted to the scaled forces, and the scale is corrected. In the end, the
-    power sqrt(v^T A^-1 v) of unit translations v is 1, in root mean square over all directions.
+    Begins with a guess, and improves it several times: fits an ellipsoid A to the wrenches divided by mu N,
+    and multiplies mu N by the root mean square of sqrt(v^T A^-1 v) over all unit translations v. By A, this
+    square root is the force along v that causes the translation, in units of mu N; its mean should be 1.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):

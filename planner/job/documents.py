@@ -119,9 +119,9 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
     Args:
         document: the document, which stays unchanged.
-        changes: maps a top-level key to its new value, and a section to its new values by key. They also
-            apply to entries, such as `[[hypothesis]]`, that state the section themselves.
-        where: place that errors name.
+        changes: maps a top-level key to its new value, and a section to its new values by key. If an entry,
+            such as `[[hypothesis]]`, states the section itself, the values are replaced there as well.
+        where: name of the document in error messages.
 
     Raises:
         UsageError: `changes` treat a key of the top level as a section.

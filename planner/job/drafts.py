@@ -116,7 +116,7 @@ def _shape(imported: Imported) -> dict[str, object]:
 
 
 def opening_of(gripper: str) -> float:
-    """The distance of a gripper's open jaws [mm]; `gripper` is a model."""
+    """The distance between the open jaws of a gripper [mm]; `gripper` is the name of its model."""
     return GRIPPERS[gripper].stroke_um / 1000
 
 

@@ -23,7 +23,7 @@ REQUIRED: Final = object()  # Default of a required field
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A finite number from `low` to `high`; `above` excludes `low`, `below` excludes `high`."""
+    """A finite number from `low` to `high`, but not `low` itself if `above` is set, nor `high` if `below`."""
 
     low: float
     high: float

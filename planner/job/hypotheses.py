@@ -148,10 +148,11 @@ def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Returns an error that says which entry of the list `key` is at fault; entries are numbered from 1.
+    """Returns an error about an entry of the list `key` with the entry's number, which counts from 1.
 
-    If the entry itself states the section at fault, the error's place names the entry. If the entries share
-    this section, the place stays the same, and only the message of a `FitError` names the entry.
+    If the entry itself states the section at fault, the number becomes part of the section's name. If the
+    entries share this section, only a `FitError` gets the number, in its message. If the document has no such
+    list, `error` itself is returned.
     """
     if key not in document:
         return error

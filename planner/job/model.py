@@ -228,7 +228,7 @@ def _jobs(
 ) -> list[list[Job]]:
     """Returns the jobs of each part of the list `key`: one job for each face on which the part may lie.
 
-    `listed` are the documents of the parts, and `document` is the whole job's, for errors.
+    `listed` holds a document for each part. `document` is that of the whole job; errors name the entry in it.
     """
     results = []
     for number, alone in enumerate(listed, start=1):

@@ -104,10 +104,10 @@ class Kcde(NamedTuple):
 
 @kernel
 def _pick(squares: Array, count: int, chance: float) -> int:
-    """Picks one of `count` roll-outs at random, with probabilities by kernel weight; returns its index.
+    """Picks one of `count` roll-outs with a probability proportional to its kernel weight; returns its index.
 
-    `squares` holds squared distances [mm^2], and receives the cumulative weights; `chance` is uniform in
-    [0, 1).
+    `squares` holds the squared distances [mm^2] of the roll-outs, and is overwritten with their cumulative
+    weights. `chance` is a random number, uniform in [0, 1).
     """
     total, scale = 0.0, -0.5 / (BANDWIDTH_MM * BANDWIDTH_MM)
     for k in range(count):

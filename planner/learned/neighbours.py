@@ -162,9 +162,9 @@ def nearest_within(
 
 @kernel
 def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
-    """Moves the `most` nearest of `count` points to the front of both arrays, in their former order.
+    """Of `count` points, moves the nearest to the front of both arrays, in their former order.
 
-    Of points at equal distance the first are taken.
+    `most` is the number of points to move. Of points at equal distance the first are moved.
     """
     farthest = np.partition(squares[:count], most - 1)[most - 1]
     ties = most - np.sum(squares[:count] < farthest)

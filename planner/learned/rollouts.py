@@ -2,8 +2,9 @@
 
 The centre of the part starts in a disc about the hand, at any angle of the part. Each roll-out has its own
 limit surface and friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK`
-starts. A block depends only on the simulator, its ring and its number in the ring; these seed its random
-stream. So a larger region or more roll-outs only add blocks. Actions, goal and seed of a job have no effect.
+starts. The random stream of a block is seeded by the simulator, the ring and the number of the block in the
+ring. So roll-outs stay the same when starts, or rings of the same density, are added. Actions, goal and seed
+of a job have no effect.
 """
 
 import hashlib
@@ -58,8 +59,8 @@ def roll_outs(
     """Rolls out training squeezes over a disc of part centres about the hand, at any angle.
 
     The result depends on the simulator, the radius and the count only. It may have fewer than `count`
-    roll-outs, since starts beyond the fingers' reach are left out. It may also have more, since the number of
-    starts of the last ring that lie in the disc is random. Progress counts blocks.
+    roll-outs, since starts beyond the fingers' reach are left out. It may also have more: starts are drawn in
+    the whole last ring, and it is chance how many of them lie in the disc. Progress counts blocks.
 
     Raises:
         ValueError: radius or count is not above 0, or the radius is infinite.

@@ -45,9 +45,9 @@ SENSORLESS_BUDGET = 400
 def singleton(poses: Array, order: int) -> Mode:
     """SingletonRatio(X, eps) as printed (VI.1): average pose of particles (m, 3), and share near this pose.
 
-    The average is over x, y, cos(n theta) and sin(n theta), with n the order; near means within `TOLERANCES`.
-    The paper prints n = 2. For a belief of two modes the average lies between the modes, and the ratio is
-    near 0. So the default method uses the mode ratio of `planner.belief.metric` instead.
+    The average is over x, y, cos(n theta) and sin(n theta); near means within `TOLERANCES`. The paper prints
+    n = 2; here n is the part's rotational order. For a belief of two modes the average lies between the
+    modes, and the ratio is near 0. So the default method uses the mode ratio of `planner.belief.metric`.
     """
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order

@@ -104,7 +104,8 @@ def _reduced(direction: Array) -> Array:
 def _slope(chords: Array, directions: Array) -> Array:
     """Derivative (m,) of the width by the direction [mm per rad].
 
-    The width is the projection of a chord (m, 2) [mm] on a direction (m,) [rad]; it has to be positive.
+    The width is the projection of a chord (m, 2) [mm] on a direction (m,) [rad]. Each chord has to point such
+    that the projection is positive.
     """
     return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
 
@@ -184,9 +185,9 @@ class SqueezePlan(NamedTuple):
 def chain(function: SqueezeFunction) -> list[Interval]:
     """The plan's intervals, the widest first: from a whole period to a single step.
 
-    The list is built backwards (Goldberg 1993). It begins as the widest single step. Then the widest interval
-    whose image is shorter than the first of the list is put in front of it, again and again, until the first
-    is a whole period.
+    The list is built backwards (Goldberg 1993), from its last interval, the widest single step. Each further
+    interval goes to the front: the widest whose image is shorter than the interval that was in front so far.
+    The list is complete when a whole period is in front.
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD

@@ -25,8 +25,8 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
     """Estimates the response times of arm and jaws, the polling time and the arm's acceleration.
 
     After the last squeeze of a part the hand rises to the retreat height; after other squeezes it rises to
-    just above the part. The difference between the times of the two rises gives the acceleration. The
-    response time of the arm is the time of the shorter rise less what its motion takes at this acceleration.
+    just above the part. The difference between the times of the two rises gives the acceleration. The arm's
+    response time is the measured time of the shorter rise less the time of motion at this acceleration.
 
     Returns:
         The values by key of a job's section [cell], without the keys for which the squeezes have no data.

@@ -40,7 +40,7 @@ class Quantity(NamedTuple):
 
 
 class Space(NamedTuple):
-    """The uncertain quantities of a cell, and the number of limit surfaces that it may have."""
+    """The uncertain quantities of a cell, and the number of limit surfaces that its parts may have."""
 
     quantities: tuple[Quantity, ...]
     surfaces: int

@@ -45,8 +45,8 @@ class Likelihood:
 
         Args:
             features: (m, k) features of the simulated cells.
-            shown: (m, 2, n, d) numbers of the d outcomes of n parts, in two sets of parts for each cell.
-            seen: (size,) number of observations of each outcome in n parts.
+            shown: (m, 2, n, d) outcome numbers: two sets of n parts for each cell, d outcomes for each part.
+            seen: (size,) how often each outcome was observed, in n parts.
             counts: number of outcomes that have no order, such as readings. The other outcomes are steps of
                 ordered quantities, `LINE` steps each.
         """
@@ -76,10 +76,10 @@ class Likelihood:
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
     """Estimates the scores (size + 1, k) of all outcomes from simulated cells.
 
-    The m cells have the features (m, k) and the numbers `shown` (m, c) of outcomes. The first `counts` of the
-    `size` outcomes have no order. The others are steps of ordered quantities: their scores rise linearly from
-    step to step, also at steps that no simulated part has. The last row of the result is 0, for parts without
-    an outcome.
+    Each of m cells has k `features` and c simulated outcomes, whose outcome numbers `shown` (m, c) lists. The
+    first `counts` of the `size` outcomes have no order. The others are steps of ordered quantities: their
+    scores rise linearly from step to step, also at steps that no simulated part has. The last row of the
+    result is 0, for parts without an outcome.
     """
     ends = np.arange(0, shown.size + 1, shown.shape[1])
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))

@@ -1,6 +1,7 @@
-"""Numbers the outcomes of a table's parts, to compare the outcomes of journals and of simulated parts.
+"""Gives outcomes of parts numbers, to compare the outcomes in journals with those of simulated parts.
 
-An outcome is a reading at a node or, at an audited leaf, a residual: the measured less the predicted pose.
+An outcome is a reading at a node or, at an audited leaf, a coordinate of a residual. A residual is the
+measured less the predicted pose of a part.
 """
 
 from dataclasses import dataclass
@@ -33,9 +34,9 @@ class Seen(NamedTuple):
 class Outcomes:
     """Gives each outcome of a table's parts a number from 0 to `size` - 1; `size` stands for no outcome.
 
-    An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at an audited leaf.
-    The bins of a node have consecutive numbers, and so have the `LINE` steps of each coordinate of a
-    residual. The numbers of bins come before those of steps.
+    Readings at a node are sorted into bins, and each bin is an outcome. At an audited leaf, x, y and theta of
+    a residual are rounded to `LINE` steps each, and each step is an outcome. The bins of all nodes are
+    numbered first, node by node, then the steps, leaf by leaf and coordinate by coordinate.
     """
 
     table: Table
@@ -88,7 +89,7 @@ class Outcomes:
         return self.table.gripper.bin_of(EMPTY_UM)
 
     def _lying(self, leaf: IntArray, residuals: Array) -> IntArray:
-        """Returns the numbers (m, 3) of the outcomes x, y and theta of residuals (m, 3) [mm, mm, rad].
+        """Returns the outcome numbers (m, 3) of x, y and theta of m residuals (m, 3) [mm, mm, rad].
 
         `leaf` (m,) has the audited leaf of each residual.
         """

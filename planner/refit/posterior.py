@@ -44,9 +44,10 @@ class Effort(NamedTuple):
     parts_for_each: float = 4.0  # least parts in each cell for each observed part, about
 
     def pairs_for(self, seen: Seen) -> int:
-        """How many pairs of sets of parts are simulated in each cell.
+        """Number of pairs of sets to simulate in each cell.
 
-        A set has as many parts as were observed in the journals.
+        Each set has as many parts as the journals. A pair has one set for the scores of the likelihood, and
+        one for its regression.
         """
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
@@ -111,8 +112,8 @@ def _log(
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
     """Simulates pairs of sets of parts in one cell; returns the parts' outcome numbers (pairs, 2, n, d).
 
-    Each set has n parts, as many as `seen` has. In the second set of each pair, at most as many parts are
-    audited as in `seen`.
+    Each set has n parts, as many as `seen` has. The second set of each pair has at most as many audited parts
+    as `seen`, so that its statistics scatter like the observed ones; in the first set there is no limit.
     """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))

@@ -89,8 +89,8 @@ def choose(
     Raises:
         UsageError: there is no such contour, or the number is None and there are several outer contours. The
             message lists the contours.
-        InputError: the outline may be one of the `lost` shapes, which were not read, or the lines of the
-            chosen contour may bound another one.
+        InputError: one of the `lost` shapes, which were not read, may be the outline; or the chosen contour
+            is ambiguous (`seams.meaning`).
     """
     outer = [contour for contour in candidates if contour.outer]
     listed = listing(candidates)
@@ -134,9 +134,9 @@ def listing(contours: list[Contour]) -> str:
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     """Returns the isolated rings, each (n, 2), and all other lines, relative to a local origin.
 
-    A ring is isolated if no other line comes within `join_mm` of it. A ring that crosses itself is isolated
-    unless its lines bound exactly one region. An isolated ring that crosses itself is refused later, if it is
-    chosen as the outline.
+    A ring that does not cross itself is isolated if no other line comes within `join_mm` of it. A ring that
+    crosses itself is isolated if its lines bound several regions or none; it is refused later, if it is
+    chosen as the outline. If its lines bound exactly one region, they belong to the other lines.
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:
@@ -163,7 +163,11 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
-    """Whether a ring encloses a larger area than a line drawn twice, with `join_mm` between the copies."""
+    """Whether a ring encloses more than a line that was drawn there and back.
+
+    A ring of length s is such a line if its area is at most 0.5 s `join_mm`: its two halves are then about
+    `join_mm` apart, or less.
+    """
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
     return len(ring) > 2 and _hull(ring).area > least and float(noding.face(ring).area) > least
 
@@ -241,8 +245,8 @@ def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost]) -> Inpu
 def _around(loose: list[Array], rings: list[Array]) -> bool:
     """Whether open lines surround all rings, as an outline that was left open surrounds its holes.
 
-    A single chain of lines surrounds what its convex hull contains, however wide its gap is. Several chains
-    together do so only if the narrowest gap between their ends is small.
+    Lines surround what their convex hull contains. The hull of each single chain counts, however far the ends
+    of the chain are apart. The hull of all lines together counts only if two ends of chains nearly meet.
     """
     if not loose:
         return False

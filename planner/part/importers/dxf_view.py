@@ -212,7 +212,7 @@ class _Viewer(Frontend):
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
         """Records an entity as lost, with its box.
 
-        Such an entity may be the outline only if it surrounds all other shapes.
+        The entity may be the outline only if the box surrounds an outer contour (`contours.choose`).
         """
         box = bbox.extents([entity])
         if box.has_data:

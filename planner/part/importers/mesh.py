@@ -1,4 +1,4 @@
-"""Reads STL solids by trimesh: the silhouette that closing fingers meet, and the faces on which they rest."""
+"""Reads STL solids by trimesh: the outline that closing fingers meet, and the faces on which solids rest."""
 
 import io
 from types import ModuleType

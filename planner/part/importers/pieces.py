@@ -104,8 +104,8 @@ class Curve(NamedTuple):
 def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]) -> Pieces:
     """Sorts curves (n, 2) [mm] into closed rings and open strokes.
 
-    The ends of a ring are at most `join_mm` apart, and also at most a tenth of the ring's length. So a very
-    short curve is a stroke.
+    The ends of a ring are at most `join_mm` apart, and also at most a tenth of the ring's length. So a short
+    line is a stroke, although its ends are near each other.
 
     Raises:
         InputError: a coordinate is not finite or too large, or there are too many points.

@@ -61,7 +61,10 @@ class Sheets:
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
-        """Adds style rules if the comma-separated `media`, to which the rules apply, include a screen."""
+        """Adds style rules if `media` include a screen; notes other media as unread, except `ELSEWHERE`.
+
+        `media` is the comma-separated list of the media to which the rules apply.
+        """
         kinds = {kind.strip().lower() for kind in media.split(",")}
         if kinds & SCREEN:
             for rule in rules:
