@@ -82,7 +82,7 @@ def served(
         risk: what any client that connects may do, for the error message.
 
     Raises:
-        UsageError: the text is not such an address, or other machines reach the address and must not.
+        UsageError: the text is not such an address, or other machines reach it although `network` is false.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:
