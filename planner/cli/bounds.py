@@ -1,4 +1,4 @@
-"""The options --bound and --bound-dense: a proved lower bound on the squeezes of plans of equal success."""
+"""The options --bound and --bound-dense: prove a number of squeezes that no plan of equal success beats."""
 
 import argparse
 

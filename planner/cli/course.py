@@ -24,7 +24,7 @@ It returns the share of a command's whole work that is done, 0 to 1, or None if 
 
 
 def unknown(_seconds: float, _done: int, _total: int) -> float | None:
-    """The share of work whose duration is unknown: always None."""
+    """Returns None: it is unknown which share of the work is done."""
     return None
 
 
@@ -34,7 +34,7 @@ def of_search(_seconds: float, done: int, total: int) -> float | None:
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """Returns done / total: the share of the whole work, if all its stages share one count."""
+    """Returns done / total as the share of the whole work, for work whose stages all share one count."""
     return done / total if total else None
 
 

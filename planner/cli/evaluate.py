@@ -323,7 +323,11 @@ def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
 
 
 def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
-    """Indents lines beside a head; if `rows` exceeds `MOST_ROWS`, adds a line that counts the rest."""
+    """Indents lines beside a head.
+
+    `rows` is the number of all rows, of which at most `MOST_ROWS` are among the lines. If it is greater, a
+    further line states how many rows were left out.
+    """
     more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
     return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 

@@ -186,7 +186,8 @@ def _answered(
 ) -> Answer:
     """The answer for a plan: its figures, its weakest assumption in other worlds, and what limits it.
 
-    Each of the other worlds is tried with `trials` parts, until `limit` is over.
+    Each of the other worlds is tried with `trials` parts. Once the time of `limit` is over, no further world
+    is tried.
     """
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):

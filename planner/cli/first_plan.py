@@ -127,7 +127,7 @@ def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> 
 
     Args:
         job: the job.
-        answer_s: time until the answer; a part of it is kept for what follows the plan.
+        answer_s: time until the answer, s; the plan leaves some of it for the work that follows.
         patient: whether to search once more, for `SLOW_S`, if the time is over before there is a plan.
         report: receives the progress.
 

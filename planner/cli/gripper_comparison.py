@@ -1,4 +1,4 @@
-"""Compares grippers for one part: a plan for each that opens wide enough, a printed row for each."""
+"""Compares grippers for one part: prints a row for each, with a plan if it opens wide enough."""
 
 import argparse
 from textwrap import wrap

@@ -42,7 +42,7 @@ class Draws(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Ranges of the displacements of n pushes; each push was simulated with many draws of the mechanics."""
+    """Ranges of the displacements of n pushes; each push was simulated many times, with drawn parameters."""
 
     bounds: Array  # (n, 6) low and high of x, y [mm] and the angle [degrees]
     given_up: int  # number of pushes cut short, over all draws
@@ -105,11 +105,11 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 
 
 def exact(job: Job) -> Job:
-    """Returns a job with a quartic as limit surface, if the job's is an ellipsoid fitted to its pressure.
+    """Returns a copy of a job in which a quartic limit surface replaces the ellipsoid.
 
-    This concerns pressure on the rim or over the area; any other job is returned unchanged. The quartic
-    predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans, not for a list
-    of pushes.
+    Only a job with pressure on the rim or over the area has an ellipsoid that can be replaced; any other job
+    is returned unchanged. The quartic predicts pushes better than the ellipsoid, but takes ten times as long:
+    too long for plans, not for a list of pushes.
     """
     pressure = job.pressure
     spread = pressure.kind in ("boundary", "uniform") and pressure.limit_surface == "ellipsoid"

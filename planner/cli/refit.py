@@ -172,7 +172,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """Lists squeezes with their durations; only parts count for which the journal times every squeeze."""
+    """Lists squeezes with their durations, of the parts for which the journal times every squeeze."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
@@ -186,7 +186,7 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 def _preview(
     cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
-    """Returns the shares of wrong and of rejected parts in simulated cells, drawn from the posterior."""
+    """Simulates some cells of the posterior; returns their mean shares of wrong and of rejected parts."""
     number, parts = PREVIEW
     jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
     tried = list(scheduler.map(_run, jobs))

@@ -220,10 +220,11 @@ def draw(
     parameters: Parameters,
     title: str,
 ) -> None:
-    """Repeats the squeezes of the first poses (n, 3), n >= 1, step by step, and draws them.
+    """Simulates the first squeezes of a list again, to record their steps, and draws them.
 
-    `pictures` maps names of `PICTURES` to the files to write. Simulator and parameters are those of the
-    squeezes that are repeated.
+    The squeezes start at `poses` (n, 3), n >= 1; at most `trajectory.MOST_PANELS` of them are drawn.
+    `pictures` maps names of `PICTURES` to the files to write. Simulator and parameters are those with which
+    the squeezes were simulated before.
     """
     from planner.report import canvas, trajectory  # importing matplotlib is slow
 

@@ -122,7 +122,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """Returns a function that reports the stages of one of several jobs as progress of all jobs."""
+    """Returns a function that reports a stage of job `number` as progress in a sweep of `jobs` jobs."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)

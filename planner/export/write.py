@@ -222,7 +222,7 @@ def _values(file: tables.TableFile) -> dict[str, Any]:
 
 
 def _plain(text: str) -> str:
-    """A text of the table that is safe inside a comment."""
+    """Makes a text of the table safe inside a comment: cuts it, and replaces special characters by "_"."""
     return re.sub(r"[^A-Za-z0-9 .,_+-]", "_", text[:LONGEST_TEXT])
 
 

@@ -55,7 +55,7 @@ class Source(NamedTuple):
 
 
 class Reject(NamedTuple):
-    """A rejected reading: the fingers as they stopped, and the part as it would lie between them."""
+    """Picture of a rejected reading: the fingers as they stopped, and the replayed part of nearest width."""
 
     caption: str
     belief: Array  # (m, 3 or 4) possible states of the part when the hand arrives
@@ -80,8 +80,8 @@ def page(
         table: the table.
         job: the job of the table.
         source: further input.
-        trials: number of replayed parts, whose poses are drawn as beliefs; at most as many parts are squeezed
-            in each other world.
+        trials: number of replayed parts, whose poses are drawn as beliefs. The other worlds are tried with as
+            many parts each, or with fewer.
         seed: seed of the replay, of the foreign parts and of the second world.
         world: "module:factory" of a second world in which the table is evaluated, if any.
         sheet: whether the page is a short version for a customer, on two sheets of paper.

@@ -1,4 +1,4 @@
-"""Picture of an episode of the environment, as pixels: belief, part and last action."""
+"""Pictures of an episode of `planner.gym`, as pixels: belief, part and last action."""
 
 import math
 from typing import Any

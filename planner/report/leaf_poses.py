@@ -28,7 +28,7 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the leaf's pose differs from the mean by more than `WORTH_TELLING_MM`, so on purpose."""
+        """Whether the leaf's pose differs from the mean on purpose: by more than `WORTH_TELLING_MM`."""
         return self.apart_mm > WORTH_TELLING_MM
 
 

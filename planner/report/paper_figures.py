@@ -112,7 +112,11 @@ def _frame(axes: Axes, half: float) -> None:
 
 
 def _density(axes: Axes, outline: Array, poses: Array) -> None:
-    """Draws the outline at a sample of the poses; where all outlines overlap, panels are equally dark."""
+    """Draws the outline at a sample of the poses.
+
+    The opacity depends on the size of the sample, so that places which all outlines cover are equally dark
+    in all panels.
+    """
     poses = subsample(poses, OUTLINES)
     fill = canvas.overlay_opacity(len(poses), DARKNESS)
     shapes = canvas.outlines(outline, poses[:, :3])

@@ -80,8 +80,8 @@ def checked(name: str) -> str:
     """Checks and returns the name of a file in a folder.
 
     Raises:
-        UsageError: the name is empty, too long or no text, begins with a dot, or has a slash, a backslash or
-            a character in it that cannot be printed.
+        UsageError: the name is empty, too long or not a string, begins with a dot, or has a slash, a
+            backslash or a character in it that cannot be printed.
     """
     printable = isinstance(name, str) and all(ch.isprintable() for ch in name)
     if not printable or "/" in name or "\\" in name or not name or name.startswith("."):

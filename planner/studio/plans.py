@@ -1,4 +1,4 @@
-"""The plans of a project folder: running ones, results, start and stop.
+"""The plans of a project folder: lists them with their results, and starts and stops planning.
 
 The planning process locks the plan's log, so every reader of the folder knows which plans are running.
 """
@@ -31,7 +31,7 @@ class Plan(NamedTuple):
 
     name: str
     running: bool
-    trying: bool  # whether other discs and goals are being tried, after the plan is done
+    trying: bool  # whether the what-if trials are running, which follow the plan
     log: Log
     files: dict[str, str]  # files written so far, by kind
 
@@ -60,6 +60,8 @@ class Plans:
 
     def begin(self, drawing: str, arguments: list[str]) -> str:
         """Starts planning in a separate process; returns the plan's name.
+
+        What-if trials of other plans are asked to end, since planning has priority.
 
         Raises:
             UsageError: another plan of this folder is under way.
@@ -90,7 +92,7 @@ class Plans:
         """Asks a plan to end with the result so far.
 
         Raises:
-            UsageError: the plan neither runs nor tries other goals.
+            UsageError: there is no such plan, or its planning and its what-if trials have ended.
             OSError: the folder cannot be written to.
         """
         if checked(name) not in (plan.name for plan in self.all() if plan.running or plan.trying):

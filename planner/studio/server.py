@@ -25,7 +25,7 @@ STATIC = ("/studio.css", "/elements.js", "/studio.js", "/drawing.js", "/film.js"
 
 
 class Studio(ThreadingTCPServer):
-    """Serves a folder on a port of loopback, 0 for a free one."""
+    """Serves a folder on a port of this machine (loopback); port 0 stands for any free port."""
 
     daemon_threads = True
     allow_reuse_address = True

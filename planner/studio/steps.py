@@ -63,7 +63,7 @@ def typed(words: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the commands in turn, and then trials of other discs and goals.
+    """Runs the commands in turn, and then the what-if trials (`planner.studio.what_if`).
 
     Stops after a command that fails or leaves no table.
 
@@ -88,7 +88,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def try_others(files: Mapping[str, str]) -> None:
-    """Plans for larger discs and tighter goals and logs the results; ends when `files["stop"]` exists."""
+    """Runs the what-if trials of a plan, and logs each result.
+
+    Ends early if a trial leaves no result, or once the file `files["stop"]` exists, which is then deleted.
+    """
     stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
     for trial in trials_of(Path(files["job"])):
         for value in trial.values:

@@ -33,7 +33,7 @@ class Trial(NamedTuple):
 
 
 def trials_of(job: Path) -> Iterator[Trial]:
-    """Yields a trial of larger discs of uncertainty, then one of tighter goals.
+    """Yields two trials: of larger radii of the disc in which the part's centre lies, then of tighter goals.
 
     Yields nothing if the job file lacks the radius of the disc or the distance of the goal.
     """

@@ -1,4 +1,7 @@
-"""The command `grasp-calibrate`: measures a cell's gripper. Its parser also lists the audit's subcommands."""
+"""The command `grasp-calibrate`: measures a cell's gripper.
+
+Its --help also lists the subcommands for the audit's camera, which another parser handles.
+"""
 
 import argparse
 import sys

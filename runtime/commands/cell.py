@@ -41,8 +41,8 @@ def connect(
 
     Args:
         arguments: the parsed command line of `grasp-runtime`.
-        recipe: its table states the gripper's model, and the part of a simulated cell. Its console receives
-            notes about a simulated cell.
+        recipe: holds the table, which states the gripper's model and the part of a simulated cell; and the
+            console, which receives notes about a simulated cell.
         drivers: opens the devices.
         stack: when it closes, the devices are closed.
         report: function that is called at each retry and failure on the gripper's link.
@@ -91,8 +91,8 @@ def _default_world(table: Table, console: Console) -> str:
     """Chooses the world of a simulated cell; returns its name.
 
     The planner's world, which simulates contacts, needs the planner's packages and the job in the table. If
-    one is missing, the name is that of the rehearsal, which draws widths from the table's statistics; then a
-    note on the console says so.
+    any of these is missing, chooses the rehearsal, which draws widths from the table's statistics, and says
+    so on the console.
     """
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:

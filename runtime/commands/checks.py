@@ -156,7 +156,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
 
 
 def check_model(gripper: Gripper) -> Iterator[Finding]:
-    """States which model the gripper is taken for; yields one good finding."""
+    """Yields a finding that states which model the gripper is taken for; its grade is always GOOD."""
     known = gripper.profile
     stroke_mm, step_mm = known.stroke_um / 1000, known.resolution_um / 1000
     yield good(f"It is taken for a {known.model}: {stroke_mm:g} mm in steps of {step_mm:.2g} mm.")

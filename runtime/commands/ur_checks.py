@@ -1,4 +1,4 @@
-"""Checks of a UR controller for `grasp-doctor`: open ports show common problems of the gripper's URCap."""
+"""Checks of a UR controller for `grasp-doctor`: its open ports show which services and URCaps are missing."""
 
 import socket
 from collections.abc import Callable, Iterator

@@ -59,7 +59,11 @@ class Lines(Console):
         say(message)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Prints a line for the whole run: parts by outcome and within the goal, mean squeezes, journal."""
+        """Prints a line for the whole run: totals and means of its parts, and the journal's path.
+
+        The totals are the parts by outcome, the parts within the goal, and the crashes, if known. The means
+        are the squeezes and the seconds a part.
+        """
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
         say(f"{parts}: {', '.join(_totals(tally, self._table.goal))}; journal {journal}")
 
@@ -112,9 +116,9 @@ def as_object(
 
 
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
-    """The fields with the poses of the drawing's datum and of the picks, on a part that ended at a leaf.
+    """Returns the fields `datum_pose` and `picks`: where the drawing's datum and the picks lie on a part.
 
-    There are no fields if the part ended at no leaf, or if its job names no datum.
+    The result is empty if the part ended at no leaf, or if its job names no datum.
     """
     frames = answer.frames_of(table)
     leaf = result.leaf_of(table)

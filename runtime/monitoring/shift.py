@@ -26,7 +26,7 @@ class Loss(NamedTuple):
 
 
 class Shift:
-    """Counts the parts of the present shift: good parts, their seconds, and losses.
+    """Counts the parts of the present shift: all parts with their seconds, good parts, and lost parts.
 
     The counts begin at the latest change of shift, or at the start of the run if that is later.
 

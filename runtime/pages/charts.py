@@ -9,7 +9,7 @@ APART = 9.0  # least distance of two labels of a histogram, percent of the histo
 
 
 class Line(NamedTuple):
-    """A line of a chart: a name and a value for each step."""
+    """A line of a chart: its name, and its value at each step."""
 
     name: str
     values: Sequence[float]  # in the order of the steps

@@ -116,7 +116,7 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def _begin(draft: Path, path: Path) -> None:
-    """Creates an empty draft; if the file exists, the draft gets its owner and mode.
+    """Creates an empty draft; if the output file exists, the draft gets this file's owner and mode.
 
     Args:
         draft: path of the draft.
@@ -148,7 +148,7 @@ def write(path: Path, text: str) -> None:
 
 
 def words_of(path: Path) -> TextIO:
-    """The stream for a command's messages: standard error if the output `path` is standard output."""
+    """Returns the stream for messages: standard error if `path` is standard output, else standard output."""
     return sys.stderr if path in STDOUT else sys.stdout
 
 
@@ -171,7 +171,7 @@ def _objection(path: Path) -> str:
 
 
 def oddity(mode: int) -> str:
-    """Says what a file is that is not regular, such as "it is a folder"; "" for a regular file.
+    """Says what an irregular file is, such as "it is a folder"; returns "" for a regular file.
 
     Args:
         mode: the file's `st_mode`.

@@ -1,8 +1,8 @@
 """The hash-chained lines of journals: each is a JSON object whose last field, `digest`, seals the line.
 
-The digest is the SHA-256 of the line without this field. The field before, `previous`, is the digest of the
-line before; in the first line it is `GENESIS`. A long journal has several files: sealed segments, then the
-journal's current file. The chain continues from one file to the next.
+The digest is the SHA-256 of the line without this field. The last field but one, `previous`, is the digest of
+the preceding line; in the first line it is `GENESIS`. A long journal has several files: sealed segments, then
+the journal's current file. The chain continues from one file to the next.
 """
 
 import hashlib

@@ -115,7 +115,7 @@ class GTestChart:
     def _tail(self) -> float:
         """Probability of counts at least as unlikely as those in the window, if the shares are right.
 
-        The G statistics of all nodes are added for this.
+        The statistic of the test is the sum of the G statistics of all nodes.
         """
         counts = [[0] * len(shares) for shares in self.shares]
         for part in self.recent:

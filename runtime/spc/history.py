@@ -115,7 +115,7 @@ def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
 def _whole_records(path: Path) -> Iterator[Entry]:
     """Yields the complete records of a journal.
 
-    An incomplete last line, which a crash cut short, is left out: nothing has followed from it.
+    An incomplete last line is left out: a crash cut it short, before the cell acted on its record.
     """
     with suppress(TornError):
         yield from records(path)

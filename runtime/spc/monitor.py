@@ -63,10 +63,12 @@ STEADY = {
 class Monitor:
     """The control charts of one table: `add` sends a part to all charts, and returns their alarms.
 
-    Only the parts within the charts' windows are kept. `drawn` holds the values of the charts that reports
-    draw: the cumulative sums `wider` and `narrower` of widths after each squeeze, the mean residuals `x`, `y`
-    and `theta` after each measured part, and the statistic `friction` of readings after each part, if there
-    are expected readings.
+    Only the parts within the charts' windows are kept. `drawn` holds the values that reports draw, by name:
+
+    - `wider` and `narrower`: the cumulative sums of the chart of widths, after each squeeze;
+    - `x`, `y` and `theta`: the means of the charts of residuals, after each measured part;
+    - `friction`, if there are expected readings: the logarithm of 1 plus the statistic of the chart of
+      readings, after each part.
     """
 
     def __init__(
@@ -174,10 +176,10 @@ class Drift:
 
 
 def failure_share(predicted: Prediction) -> float:
-    """The largest share of failures that fits a table's evaluation, for the chart of failures.
+    """The share of failures that the chart of failures expects, from a table's evaluation.
 
     Returns:
-        The upper end of the 95 % confidence interval, at least `LEAST_SHARE`.
+        The upper end of the 95 % confidence interval of the evaluation's share, at least `LEAST_SHARE`.
     """
     failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)

@@ -1,4 +1,4 @@
-"""The report as one HTML page: first what to do, then key figures and charts, and last tables to unfold."""
+"""The report as one HTML page: what to do, key figures, charts, and at the end tables that unfold."""
 
 from collections.abc import Iterable, Iterator
 from html import escape

@@ -51,7 +51,7 @@ class LeafRow(NamedTuple):
 
 
 class NameRow(NamedTuple):
-    """Row of a report: number of located parts that were identified as one of the table's hypotheses."""
+    """Row of a report: a hypothesis, and the number of located parts that were identified as it."""
 
     name: str  # name of the hypothesis
     parts: int
@@ -101,7 +101,7 @@ class Summary:
 
     @property
     def refit(self) -> bool:
-        """Whether a refit (`plan-refit`) would pay: parts are many enough, and readings not as planned."""
+        """Whether a refit (`plan-refit`) would pay: enough parts, and readings that differ from the plan."""
         drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 
@@ -196,7 +196,7 @@ def failures(history: History) -> Series:
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
-    """Returns two numbers: of parts that passed their audit, and of parts that passed or failed."""
+    """Returns the number of parts that passed their audit, and the number that passed or failed."""
     passed = sum(part.verdict == "pass" for part in parts)
     return passed, passed + sum(part.verdict == "fail" for part in parts)
 

@@ -160,7 +160,8 @@ def _named(loss: Mapping[str, Any]) -> str:
 def picture(loaded: Table, outlines: Outlines, node: int, width_mm: float | None) -> str:
     """Draws the last squeeze of a lost part as SVG, to scale: the fingers, and where a part usually lies.
 
-    The part is drawn at the pose that the table predicts after the branch whose expected width is nearest.
+    The part is drawn at the pose of the leaf that parts reach most often after such a width (`_usual`). It is
+    left out if that leaf is unresolved, if the goal asks for no pose, or if its outline is unknown.
 
     Args:
         loaded: the table.

@@ -30,7 +30,9 @@ class Parts(NamedTuple):
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
-    """Builds the pages that a run's server offers: the live page, its changing part, status and metrics.
+    """Builds the pages that a run's server offers.
+
+    These are the live page, the HTML that the page fetches again and again, the status and the metrics.
 
     Args:
         table: the table.

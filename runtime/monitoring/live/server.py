@@ -82,7 +82,7 @@ def served(
         risk: what any client that connects may do, for the error message.
 
     Raises:
-        UsageError: the text is not such an address, or other machines reach the address and must not.
+        UsageError: the text is not such an address, or other machines reach it although `network` is false.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:
@@ -108,9 +108,9 @@ def is_loopback(host: str) -> bool:
 class PageServer:
     """Serves pages over HTTP in separate threads; leaving the context ends the server.
 
-    The server and the run never wait for each other. To bound the load by clients, the server limits the
-    number of clients, the clients a second, the bytes of a request, and the seconds for a request and its
-    response. A client that sends no complete request within `PATIENCE_S` is disconnected.
+    The server and the run never wait for each other. To bound the load, the server limits how many clients
+    are connected, how many connect in a second, how many bytes a request has, and how long a request and its
+    response take. A client that sends no complete request within `PATIENCE_S` is disconnected.
 
     Args:
         address: the address; port 0 takes any free port.

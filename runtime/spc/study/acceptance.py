@@ -1,9 +1,9 @@
 """Acceptance of a cell: tests, after any number of parts, whether the share of failed parts is below a limit.
 
 A part is good if it ended at a resolved leaf and its audit passed. A part that was rejected, unresolved,
-faulted or judged wrong has failed. A part that ended at a leaf but was not judged is unknown: the test counts
-it as failed before it accepts, and as good before it refuses. Parts that the operator stopped, or that were
-given up (aborted), are left out.
+faulted or judged wrong has failed. A part that ended at a leaf but was not judged is unknown. The cell is
+accepted only if it would be accepted with all unknown parts failed, and refused only if it would be refused
+with all unknown parts good. Parts that the operator stopped, or that were given up (aborted), are left out.
 
 The test is sequential. Let m be the true share of failures, and S the number of failures among the first n
 parts. Average the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S) over a beta distribution of s. The
@@ -42,7 +42,8 @@ class Verdict(StrEnum):
 class Bounds(NamedTuple):
     """The observed share of failures, with confidence bounds of the true share.
 
-    The confidence is 1 - `ERROR` that the bounds after each part of a study all hold.
+    A study has such bounds after every part. With confidence 1 - `ERROR`, the true share is within all of
+    them.
     """
 
     low: float  # lower bound

@@ -114,7 +114,10 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
 
 
 def by_truth(history: History) -> History:
-    """Copies a history of simulated parts, and replaces verdicts and residuals by those of the true poses."""
+    """Copies a history of simulated parts; its verdicts and residuals are computed from the true poses.
+
+    A part that ended at no leaf, or whose true pose is unknown, gets neither verdict nor residual.
+    """
     return replace(history, parts=tuple(_judged(history.table, part) for part in history.parts))
 
 
@@ -142,9 +145,10 @@ def expected_failures(table: Table) -> float | None:
 
 
 def parts_of_leaves(table: Table) -> int | None:
-    """Number of parts to run for type-1 studies: enough of them end at each of the most frequent leaves.
+    """Number of parts to run, so that enough of them end at each frequent leaf for its type-1 study.
 
-    The most frequent leaves are those that together receive the share `COVERED` of the parts.
+    The frequent leaves are those that together receive the share `COVERED` of the parts. The rarest of them
+    determines the number.
 
     Returns:
         The number of parts; None if the table has no trials, or if too many parts would be needed.

@@ -169,8 +169,8 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
         r: number of trials.
 
     Returns:
-        The probability that chance alone makes such an interaction (None if repeated readings never differ),
-        and the standard deviations.
+        The probability that chance alone makes the interaction as large as observed or larger (None if
+        repeated readings never differ), and the standard deviations.
     """
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]

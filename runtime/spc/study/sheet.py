@@ -83,7 +83,7 @@ def gauge_words(study: Study) -> Iterator[str]:
 
 
 def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
-    """Yields a line for a terminal for each crossed study; `studies` has them by quantity."""
+    """Yields one line for a terminal for each crossed study; `studies` holds the studies by quantity."""
     for name, study in studies.items():
         word = UNITS.get(name, (name, ""))[0]
         percent, ndc = _figure(study.percent), _known(study.anova.fields()["ndc"])
