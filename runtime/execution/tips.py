@@ -22,7 +22,10 @@ class TipArc:
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
-        """The largest `advance_mm` at any opening between the two; it is greatest at twice the offset."""
+        """The largest `advance_mm` of all openings from `least_mm` to `widest_mm`.
+
+        The tips advance farthest at an opening of twice the offset.
+        """
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
