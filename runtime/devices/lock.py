@@ -134,7 +134,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """Text that an identity states for a Modbus unit behind a gateway; empty for the usual unit."""
+    """The end of an identity, which names a Modbus unit behind a gateway; empty for the usual unit."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:

@@ -2,8 +2,8 @@
 
 No motion is commanded before the gripper has reported that it is ready, and the arm has reported that it
 stands where its last motion left it. Between two squeezes the hand goes straight up, travels, and comes
-straight down; jaws that are clear of the part may continue to open meanwhile, and have arrived before it
-comes down.
+straight down. Jaws that are clear of the part may continue to open while the hand goes up and travels, but
+must stand open before the hand comes down.
 
 The arm is read before and after each of its motions and after each squeeze, and its place is compared with
 where it was sent (`safety.check_placed`): what displaced the arm may have moved the part, too.

@@ -29,7 +29,7 @@ class TipArc:
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
-        """Intermediate openings for jaws that close from `widest_mm` to `least_mm`, in descending order.
+        """Openings to which jaws close one after the other on their way from `widest_mm` to `least_mm`.
 
         From one opening to the next the tips advance by no more than `level_mm`. The list excludes
         `widest_mm` and ends with `least_mm`.

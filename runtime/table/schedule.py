@@ -100,7 +100,7 @@ class Schedule:
         return phases, let_go, max(left_s, 0.0)
 
     def _push_s(self, node: Node, at: Pose2) -> tuple[float, Pose2]:
-        """Seconds of a node's pushes by a hand that starts at `at`, and the pose of the hand after them."""
+        """Seconds that a node's pushes take, if the hand starts at `at`, and the hand's pose after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:
