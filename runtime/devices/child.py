@@ -14,7 +14,7 @@ MAX_LINE_BYTES = 65_536
 
 
 class ChildProcess:
-    """A child process with pipes for input and output, which is ended when its context is left.
+    """A child process with pipes for input and output; on leaving its context, the process is ended.
 
     The child runs in a new session, so that Ctrl-C on the terminal reaches only the parent: the parent must
     bring the cell into the safe state while the child still runs.

@@ -91,7 +91,11 @@ def _owner(address: str) -> str:
 
 
 def _devices(port: str) -> list[str]:
-    """Identities of the device at a port: a host's addresses and ports, or the number of a device file."""
+    """Identities of the device at a port; none if a person takes the place of the device.
+
+    They are a host's addresses and ports, the interface of a CAN bus, or the number of a device file; for any
+    other path, the path itself.
+    """
     port = port.removeprefix(f"{MANUAL}+")
     if port.partition(":")[0] == MANUAL:
         return []
@@ -130,7 +134,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """Text that an identity states for a Modbus unit behind a gateway; empty for the usual unit."""
+    """The end of an identity, which names a Modbus unit behind a gateway; empty for the usual unit."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:

@@ -67,11 +67,14 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def _node_of(self, pose_hand: Pose2) -> int | None:
-        """Finds the node whose squeeze is executed, by the place where the part would lie in the world.
+        """Finds the node whose squeeze is executed, given the part's pose in the hand's frame.
+
+        A node fits if the part would lie where it lay at the last squeeze, provided that the hand is at the
+        node's grasp pose. The children of the last node are tried first, then the last node itself.
 
         Returns:
-            The index of a child of the last node, for which the part lies where it lay at the last squeeze;
-            None if only the last node fits, whose squeeze is repeated; else 0: the part is a new one.
+            The index of the first child that fits; None if only the last node fits, whose squeeze is then
+            repeated; 0 if no node fits: a new part begins at the root.
         """
         for index in (*self._next, self._last):
             seen = self._poses(index, pose_hand)

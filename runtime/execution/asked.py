@@ -224,7 +224,7 @@ class AskedParts:
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
-        """Infers from a width alone whether an object was felt: the state in which a branch has the width.
+        """Infers the object state from a width alone: the state for which the node has a branch.
 
         If both states lead to the same decision, a width of at least `HELD_UM` counts as a felt object. If
         they lead to two different branches, the jaws count as empty.
@@ -279,7 +279,7 @@ class AskedParts:
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """Journals the current request, a squeeze or the part's end; returns the answer that states it."""
+        """Journals the current request: a squeeze, or the part's end. Returns the answer that states it."""
         request = part.request
         if isinstance(request, program.Done):
             self._end(request.result)

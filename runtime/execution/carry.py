@@ -1,8 +1,8 @@
 """Chooses, checks and executes the delivery of a localised part: the last grasp, the path to the drop-off.
 
-A symmetric part may be put down turned by a period of its symmetry, and a hand whose fingers close alike may
-grasp it turned by half a turn. Of all these paths, the one that turns the hand least is used; it must lie
-within the areas, the arm's reach and the wrist's range.
+Several paths may be equivalent: a symmetric part may be put down turned by a period of its symmetry, and a
+hand whose fingers close alike may itself be turned by half a turn. Of the equivalent paths within the areas,
+the arm's reach and the wrist's range, the one that turns the hand least is used.
 """
 
 from collections.abc import Iterator
@@ -82,7 +82,7 @@ def choose(
         middle_mm: distance from the hand's middle at which the fingers meet.
 
     Returns:
-        The places to which the arm is sent, `middle_mm` beside those where the fingers meet.
+        The two places to which the arm is sent, so that the fingers meet at the part and at the drop-off.
 
     Raises:
         MotionRefusedError: there is no path; the message says why the simplest one is refused.
@@ -192,9 +192,9 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """A place at every angle in the wrist's range that equals its angle up to whole turns.
+    """Lists a place once for each angle in the wrist's range that equals its angle up to whole turns.
 
-    The angle nearest to `near_rad` comes first.
+    The place with the angle nearest to `near_rad` comes first.
     """
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)

@@ -41,7 +41,7 @@ def look(
         fields: the header of a new run, with `table_sha256`.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: receives a message if a run is to be continued.
-        most_s: greatest age, s, of the last record of a part that is continued.
+        most_s: greatest age, s, of the last record, for a run that broke off within a part.
 
     Returns:
         The run to continue; None where the last run ended.
@@ -90,7 +90,7 @@ def look(
 def begin(
     journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
-    """Writes the first record of a run: a header, or for a run that broke off the record that it continues.
+    """Writes the first record of a new run (`header`), or of the continuation of a broken run (`resume`).
 
     Args:
         journal: the journal.

@@ -1,4 +1,4 @@
-"""Events of a run for observers: phases, squeezes, results of parts, and their sums."""
+"""Events of a run for observers: phases, squeezes and results of parts, and the totals of the run."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -77,8 +77,8 @@ class Tally:
     def times(self) -> dict[str, float]:
         """Statistics of the parts' times, by the names of `runtime.table.takt`; empty before the first part.
 
-        They are also empty if `timed` is False: in a cell faster than real time, the clock multiplies the
-        seconds that this machine computes, so that a part's time means nothing.
+        They are also empty if `timed` is False: the clock of a cell faster than real time also multiplies the
+        seconds for which this machine computes, so that a part's time means nothing.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
@@ -102,4 +102,4 @@ class Console:
         """Receives the result of a part."""
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Receives the sums of a run that has ended."""
+        """Receives the totals of a run that has ended, and the path of its journal."""

@@ -129,10 +129,10 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turns a part's plan to the hand's angle, or as in the broken run; returns the angle of turn, urad.
+        """Turns a part's plan so that the hand need not turn first; returns the angle of turn, urad.
 
-        The plan is not turned where parts are delivered, since the paths to the drop-off are checked for the
-        leaves as planned.
+        A part of a broken run keeps the turn that its plan had in that run. The plan is not turned where
+        parts are delivered, since the paths to the drop-off are checked for the leaves as planned.
         """
         turn_urad = 0
         if broken is not None:

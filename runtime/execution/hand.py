@@ -2,8 +2,8 @@
 
 No motion is commanded before the gripper has reported that it is ready, and the arm has reported that it
 stands where its last motion left it. Between two squeezes the hand goes straight up, travels, and comes
-straight down; jaws that are clear of the part may continue to open meanwhile, and have arrived before it
-comes down.
+straight down. Jaws that are clear of the part may continue to open while the hand goes up and travels, but
+must stand open before the hand comes down.
 
 The arm is read before and after each of its motions and after each squeeze, and its place is compared with
 where it was sent (`safety.check_placed`): what displaced the arm may have moved the part, too.
@@ -95,7 +95,7 @@ class Hand:
     def turn_of_plan(self, first: Squeeze) -> float:
         """Angle, rad, by which to turn a part's plan about the origin so that the hand need not turn first.
 
-        It is 0 where the table does not allow a turn, or the wrist has no room for turns either way.
+        It is 0 where the table does not allow a turn, or the wrist's range is less than one and a half turns.
         """
         if not self._may_turn:
             return 0.0
@@ -120,17 +120,19 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float, *, first: bool) -> float:
-        """Chooses the angle to which the hand turns for a squeeze: the nearest within the wrist's range.
+        """Chooses the angle to which the hand turns for a squeeze, within the wrist's range.
 
-        Angles that differ by whole turns are distinct, as the wrist's range has ends. Where the table's
-        fingers close alike, the hand may be turned half a turn off the plan instead, in two cases:
+        Angles that differ by whole turns are distinct, as the wrist's range has ends. Of those that equal the
+        planned angle up to whole turns, the nearest is chosen. Where the table's fingers close alike, an
+        angle half a turn off the plan may be chosen instead, in two cases:
 
-        - the wrist reaches the planned angle only by more than half a turn;
-        - the hand stands in the outer half of the wrist's range, and turning back from its end takes clearly
-          less effort. The effort of a turn back counts for less, the nearer the hand is to that end.
+        - the wrist cannot reach the planned angle, or only by more than half a turn;
+        - the hand stands in the outer half of the wrist's range, and reaches an angle half a turn off the
+          plan by turning away from the near end, with clearly less effort. The nearer the hand is to that
+          end, the less effort is a turn away from it, and the more effort a turn towards it.
 
-        The choice holds for the rest of the part. In a cell whose fingers do not close evenly, such a part
-        ends elsewhere than planned.
+        The choice holds for the rest of the part. If the cell's fingers do not close evenly, a part squeezed
+        half a turn off the plan ends elsewhere than planned.
 
         Args:
             x_mm: x of the squeeze.
@@ -209,7 +211,7 @@ class Hand:
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
     def push(self, push: Push) -> None:
-        """Comes down at the start of a push, and slides to its end; the jaws must already have its opening.
+        """Comes down at the start of a push, and slides to its end; the jaws must already be set for it.
 
         Raises:
             GripperStateError: the jaws are no longer where they were set.
@@ -383,7 +385,11 @@ def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
 
 
 def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:
-    """The place of the arm for which the fingers, `middle_mm` off the hand's middle, meet at `place`."""
+    """The place to which the arm is sent so that the fingers meet at `place`.
+
+    The fingers meet `middle_mm` off the hand's middle. With `-middle_mm` the function is inverted: it returns
+    where the fingers meet if the arm stands at `place`.
+    """
     x_mm, y_mm, z_mm, angle_rad = place
     x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), middle_mm)
     return x_mm, y_mm, z_mm, angle_rad

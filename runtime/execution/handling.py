@@ -1,4 +1,4 @@
-"""Handling of a hand in a cell: its calibration, the arc of its tips, and its way of gripping."""
+"""Properties of the hand of one cell: its calibration, the arc of its tips, and its way of gripping."""
 
 from dataclasses import dataclass, replace
 

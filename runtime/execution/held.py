@@ -74,7 +74,8 @@ def put_down(
 ) -> Mapping[str, object]:
     """Lowers what the fingers hold straight down where the arm stands, releases it and retreats.
 
-    Where the arm stands outside the work area, the area of the delivery applies, if there is one.
+    If the arm stands outside the work area, it must stand in the area of the delivery. Areas of a `Sorting`
+    do not count, since it is unknown which part the fingers hold.
 
     The place and the width are journalled before the motion and after it.
 

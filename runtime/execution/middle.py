@@ -1,4 +1,4 @@
-"""The place where the fingers meet, as measured on a fixed block, and its distance from a table's places."""
+"""The place where the fingers meet, measured on a fixed block, and its distance from the planned one."""
 
 from math import hypot
 from typing import NamedTuple, Self
@@ -43,10 +43,10 @@ class Middle(NamedTuple):
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """Distance, mm, along the hand's y, from a place of the table to the point where the fingers meet.
+    """Distance, mm, along the hand's y, from where the plan assumes that the fingers meet to where they do.
 
-    It holds for the narrowest held part (`narrowest_mm`). A finger's uneven share of the closing that the job
-    states is already part of the plan, and adds no distance. Without a measurement the result is 0.
+    It holds for the narrowest held part (`narrowest_mm`); without a measurement it is 0. If the job states
+    that the fingers have uneven shares of the closing, the plan itself assumes a place off the hand's middle.
     """
     if measured is None:
         return 0.0

@@ -108,7 +108,7 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
 
 
 def check_places(table: Table, middle_mm: float) -> None:
-    """Checks that the arm may be sent beside all places of a table, so that the fingers meet at them.
+    """Checks that the arm may be sent where it has to stand for the fingers to meet at a table's places.
 
     Args:
         table: the table.

@@ -132,7 +132,7 @@ def put_down(table: Table, cell: Cell, options: RunOptions) -> Mapping[str, obje
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """Context of a run that yields its totals, still zero, and at its end writes the run's last record.
+    """Context of a run: yields the run's totals, still zero, and at the end writes the run's last record.
 
     The record is also written, with the reason, when an exception ends the run.
 

@@ -22,11 +22,14 @@ class TipArc:
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
-        """The largest `advance_mm` at any opening between the two; it is greatest at twice the offset."""
+        """The largest `advance_mm` of all openings from `least_mm` to `widest_mm`.
+
+        The tips advance farthest at an opening of twice the offset.
+        """
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
-        """Intermediate openings for jaws that close from `widest_mm` to `least_mm`, in descending order.
+        """Openings to which jaws close one after the other on their way from `widest_mm` to `least_mm`.
 
         From one opening to the next the tips advance by no more than `level_mm`. The list excludes
         `widest_mm` and ends with `least_mm`.

@@ -40,7 +40,8 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
     Args:
         table: states the work area, the gripper and the arm's timing.
         node: the node to squeeze at.
-        slowest_um_s: assumed speed of the jaws, if the squeeze is not slower; None: the gripper's least.
+        slowest_um_s: speed assumed for the jaws, unless that of the squeeze is lower; None: the least speed
+            of the gripper.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s

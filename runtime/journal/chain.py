@@ -7,14 +7,14 @@ A record is on the disk when `Journal.record` returns. A run begins with a recor
 embeds the table: the file alone is enough to check every decision. A run ends with a record of kind `end`; a
 run without it broke off. Between the two are records of these kinds:
 
-- for each part `part`; `turned` if its plan was turned; `pushing` if a push precedes a squeeze; `placed` and
+- for each part: `part`; `turned` if its plan was turned; `pushing` if a push precedes a squeeze; `placed` and
   `squeeze` for each squeeze; `audit` and `delivery` where there is one; `outcome`; and `truth`, the true pose
   of a simulated part;
-- before a part that a PLC requested `trigger`, whose `part` is null if the request was withdrawn before
-  anything moved;
-- after a crash `resume` and `freed`;
-- in a run without parts `put_down`;
-- anywhere `link`, a retry or a failure of the communication with the gripper.
+- before a part that a PLC requested: `trigger`, whose field `part` is null if the request was withdrawn
+  before anything moved;
+- after a crash: `resume` and `freed`;
+- in a run without parts: `put_down`;
+- anywhere: `link`, a retry or a failure of the communication with the gripper.
 
 A long file is ended between two parts with a record of kind `seal`. The chain continues in a new file, which
 begins with the run's header again, extended by `after_part`, the number of the last part. So the latest file
@@ -51,8 +51,8 @@ class Journal:
 
     Before each record the place and the length of the file are checked. If the file was removed, renamed,
     replaced, truncated or extended, the record is refused, since the next run might not see it. All later
-    records are then kept in another file, `files.broken_of`, together with the earlier ones unless these were
-    truncated. No run continues the journal before they are put back.
+    records then go to another file, `files.broken_of`; the earlier ones are copied there first, unless the
+    journal was truncated. While that file exists, no run continues the journal.
     """
 
     def __init__(

@@ -75,7 +75,7 @@ class Exchange:
             station.confirm()
 
     def disconnect(self) -> None:
-        """Notes that the client that might write has left: disables triggers, see `Station.disconnect`."""
+        """Notes that the only client that may write has left: disables triggers (`Station.disconnect`)."""
         with self._step() as station:
             station.disconnect()
         self.connected = False

@@ -102,8 +102,8 @@ def load_private(path: Path) -> SigningKey:
     """Reads a private key.
 
     Raises:
-        InputError: the file cannot be read, may be read by others, or does not hold an Ed25519 private key
-            without a passphrase.
+        InputError: the file cannot be read, may be read by others, or does not hold an Ed25519 private key;
+            or the key has a passphrase.
         UsageError: the extra for signatures is not installed.
     """
     private = _ed25519().Ed25519PrivateKey

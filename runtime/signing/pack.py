@@ -122,16 +122,17 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
 
 def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: PublicKey) -> Pack:
-    """Finds a signed pack beside a table's file that contains the table and the calibration of a run.
+    """Finds a signed pack that contains the table and the calibration of a run.
 
     Args:
-        tree: the table's file; packs are looked for in its folder, as `*.zip`.
+        tree: the table's file; packs are looked for beside it, as `*.zip`. If it is a link, they are also
+            looked for beside the file to which it leads.
         table: the table's bytes.
         calibration: the bytes of the calibration's file, None for a run without one.
         trusted: the key that must have signed.
 
     Raises:
-        PackError: there is no such pack; the message says for each pack why it is not.
+        PackError: there is no such pack; the message says why each pack is refused.
         UsageError: the extra for signatures is not installed.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}

@@ -126,9 +126,10 @@ def _squeezes(table: Table, job: Section) -> Compared:
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
-    """Yields an integer of the table and the job's number, multiplied by `scale`, to be compared.
+    """Yields an integer of the table, and the number of the job with which it is compared.
 
-    They come as one triple: name, table's value, job's value. Nothing is yielded if the job lacks the number.
+    They come as one triple: the name, the table's integer, and the job's number times `scale`, rounded.
+    Nothing is yielded if the job lacks the number.
     """
     wanted = number(stated, key)
     if wanted is not None:

@@ -94,7 +94,11 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Checks that success and REJECT together are 1 at most, and that the tree allows the mean squeezes."""
+    """Checks that success and REJECT together are 1 at most, and the mean number of squeezes.
+
+    The mean must be at least the share of located parts, each of which was squeezed, and at most the greatest
+    number of squeezes (`limits.max_depth`).
+    """
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
     if predicted.success_ppm > most_ppm:

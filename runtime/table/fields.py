@@ -37,10 +37,10 @@ class Field(NamedTuple):
 
 
 def fields_of(record: Any, *only: str) -> tuple[Field, ...]:
-    """The fields that annotate the class of a record, and the classes of its nested records, in order.
+    """Lists the fields of a record, in order; the fields of a nested record have dotted names.
 
     Args:
-        record: the class.
+        record: the class of the record, whose annotations contain the fields.
         only: names of the attributes whose fields are returned; without any name, all are.
     """
     result: list[Field] = []

@@ -1,4 +1,4 @@
-"""Planar poses in mm and rad, from the hand's frame to the world's; distances and moments of outlines."""
+"""Computes with planar poses in mm and rad, such as a change of frame, and with the outlines of parts."""
 
 from collections.abc import Sequence
 from math import cos, degrees, fsum, hypot, remainder, sin, sqrt, tau
@@ -18,7 +18,8 @@ def pose_text(pose: Pose2) -> str:
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
     """Pose of the hand in the world, mm, mm, rad, at which it comes down for a squeeze or a push.
 
-    With `released`, the place to which the hand drags the part: the pose at which it releases the part there.
+    If `released` is given, it is the place to which the hand drags the part. The result is then the pose of
+    the hand there, at which it releases the part.
     """
     place = released or action
     return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6

@@ -1,11 +1,12 @@
 """Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
-A held part touches both fingers and does not overlap them. So two things are checked of the outline at the
-leaf's pose, with an allowance for the leaf's error and for the uncertainties (doubts) that the job states:
+A held part touches both fingers and does not overlap them. So two conditions are checked for the part's
+outline at the leaf's pose, with an allowance for the leaf's error and for the uncertainties (doubts) that the
+job states:
 
 - the outline reaches the faces of both fingers, between the ends of the fingers;
-- no part of it lies just behind a face, where the finger is. It may continue farther behind the face: the
-  finger may stand in a slot.
+- the outline has no points just behind the face of a finger, where the finger itself is. Farther behind the
+  face it may have some, since the finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -95,7 +96,7 @@ def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
 
 
 def _shapes(table: Table, job: Section) -> list[Shape]:
-    """Shapes of the job's parts; empty if the job states no outlines, or the goal does not identify parts."""
+    """Shapes of the job's parts; empty if a part has no outline, or the goal does not identify parts."""
     outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
     if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
         return []

@@ -104,9 +104,10 @@ class DecisionMap(NamedTuple):
 
     @property
     def either(self) -> Segments:
-        """The branch by the width alone, without the object flag, for drawings.
+        """The branch by the width alone, for callers without an object flag.
 
-        Where the flag decides between two branches, the one with the higher index is taken.
+        Where a width selects a branch with one flag only, that branch is taken; where it selects two
+        branches, depending on the flag, the one with the higher index.
         """
         starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
         return _segments(starts, [max(part.at(start) for part in self) for start in starts])

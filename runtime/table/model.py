@@ -250,10 +250,11 @@ class GripperSpec:
 
     @property
     def profile(self) -> GripperProfile:
-        """The profile that the table was planned with.
+        """The profile of the gripper for which the table was planned.
 
-        A table does not state arc, radius and counts; these are those of the known model of this name. The
-        model's counts are used only if their number of steps is that of this gripper.
+        A table does not state the tips' arc, the gripper's radius and its counts: they are taken from the
+        known model of this name. Its counts are omitted if they give another number of steps than this
+        gripper has.
         """
         preset = known(self.model)
         counts = None if preset is None else preset.counts

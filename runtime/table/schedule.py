@@ -66,11 +66,12 @@ class Schedule:
             squeezed: the node and the outcome of the squeeze.
             before: pose of the hand before the squeeze; None: above the place of the squeeze.
             after: index of the part's next node; None after its last squeeze.
-            jaws_s: how long the jaws still open when the squeeze begins, s.
+            jaws_s: seconds for which the jaws go on opening after the squeeze has begun.
             first: whether it is the part's first squeeze, before which the hand is at the retreat height.
 
         Returns:
-            The phases, the pose of the hand after the squeeze, and how long the jaws still open then, s.
+            The phases, the pose of the hand after the squeeze, and the seconds for which the jaws go on
+            opening after it.
         """
         node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, placement(node.squeeze)
@@ -99,7 +100,7 @@ class Schedule:
         return phases, let_go, max(left_s, 0.0)
 
     def _push_s(self, node: Node, at: Pose2) -> tuple[float, Pose2]:
-        """Seconds of a node's pushes by a hand that starts at `at`, and the pose of the hand after them."""
+        """Seconds that a node's pushes take, if the hand starts at `at`, and the hand's pose after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:

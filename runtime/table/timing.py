@@ -1,9 +1,9 @@
 """Model of how long the motions of a cell take, for plans, evaluations, runs and their deadlines.
 
 The arm accelerates, travels at a constant speed, and brakes; on a short way it brakes before it reaches the
-speed. A turn of the hand takes as long as a straight way of the length of the arc that the hand's farthest
-point describes. Jaws move at constant speeds. The response time of a device is added to each of its motions.
-Lengths are in mm, angles in rad, times in s.
+speed. In a turn of the hand, the hand's farthest point moves on an arc; the turn takes as long as a straight
+way that is as long as this arc. Jaws move at constant speeds. The response time of a device is added to each
+of its motions. Lengths are in mm, angles in rad, times in s.
 """
 
 from collections.abc import Mapping
@@ -99,7 +99,7 @@ class Visit(NamedTuple):
     drag_mm: float = 0.0  # drag of a held part before its release
     from_retreat: bool = False  # whether the hand comes down from the retreat height
     to_retreat: bool = False  # whether the hand returns to the retreat height
-    jaws_s: float = 0.0  # how long the jaws still move when the hand starts
+    jaws_s: float = 0.0  # seconds for which the jaws go on moving after the hand starts
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """Turns plans about the origin of the world, for parts of unknown orientation.
 
 Such a part may lie at any angle, within a circle about the origin. So a plan that is turned as a whole, with
-grasp poses and leaves, locates as many parts. Each part's plan is turned until the angle of its first grasp
-pose is that of the hand: the hand then need not turn first.
+grasp poses and leaves, locates as many parts as before. Each part's plan is turned until the angle of its
+first grasp pose is that of the hand: the hand then need not turn first.
 """
 
 from collections.abc import Mapping

@@ -84,7 +84,7 @@ class PartResult:
         return None if self.leaf is None else turned_leaf(table.leaves[self.leaf], self.turn_urad)
 
     def delivered(self, missed: str | None) -> Self:
-        """The result after a delivery; `missed` states why the part was left there, None: it was put down."""
+        """The result after a delivery; `missed` states why the part was not put down, None if it was."""
         if missed is None:
             return replace(self, delivery="done")
         return replace(self, delivery="missed", reason=missed, exit_code=ExitCode.NOT_LOCATED)
