@@ -1,7 +1,7 @@
-"""HTTP exchanges with a deadline and a size limit of the answer.
+"""HTTP exchanges with a deadline, and with a limit on the size of the answer.
 
-The timeout of a socket applies to each piece of data, so an answer that drips or never ends would not exceed
-it.
+The timeout of a socket is no deadline: it applies to each piece of data, so a slow or endless answer could go
+on for ever.
 """
 
 import http.client

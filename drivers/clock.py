@@ -75,10 +75,10 @@ class Pace:
             self.idle(deadline, seconds)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields the wall seconds left, before each read by the caller; ends after `LATE_LOOKS` late reads.
+        """Yields the wall seconds until the deadline, once for each read by the caller.
 
-        A read is late if it begins at the deadline or after it. Late reads receive data that arrived in time
-        while this process was stopped.
+        A read is late if it begins at the deadline or after it. The last of `LATE_LOOKS` late reads ends the
+        iteration. Late reads receive data that arrived in time while this process was stopped.
         """
         late = 0
         while late < LATE_LOOKS:
@@ -89,8 +89,8 @@ class Pace:
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
         """Wall time at which `seconds` of device time will have passed, plus a margin for one last poll.
 
-        The margin is `LINK_TIMEOUT_S`. For a simulated device that runs faster than real time it is
-        `simulated_s`: on a busy machine, the process of that device may be late.
+        The margin is `LINK_TIMEOUT_S`, but `simulated_s` if time runs faster than real time: the device is
+        then simulated, and its process may be late on a busy machine.
         """
         margin_s = LINK_TIMEOUT_S if self.time_scale <= 1.0 else simulated_s
         return self.clock.now() + seconds / self.time_scale + margin_s

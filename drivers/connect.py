@@ -11,7 +11,7 @@ Ports of grippers:
 - `schunk:///dev/...`: SCHUNK (drivers/schunk/README.md)
 - `manual`: a person types widths
 
-Ports of arms, all but `manual` with frames and limits after a `?`, as in
+Ports of arms. Frames and limits follow the address after a `?`, except for `manual`, as in
 `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`:
 
 - `tcp://host:port`: open_abb
@@ -21,7 +21,7 @@ Ports of arms, all but `manual` with frames and limits after a `?`, as in
 
 The port of a simulated scene is `tcp://host:port`.
 
-A device of another make takes one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry
+A device of another make needs one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry
 point for its scheme and the function that opens it (tools/docs/drivers.md).
 """
 
@@ -172,7 +172,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     Args:
         tree: file of the decision table.
         world: physics of the squeezes, `module:factory`.
-        seed: seed of every draw.
+        seed: seed of all random numbers.
         report: receives every retry and failure on the gripper's link.
 
     Raises:

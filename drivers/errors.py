@@ -26,7 +26,7 @@ def shown(sent: object) -> str:
 
 
 def read_late(late_s: float) -> str:
-    """Returns the end of a message about a device: its answer was read too late, by `late_s`."""
+    """Returns the end of a sentence that names a device: its answer was read `late_s` too late, and why."""
     return (
         f"answered, but this process was stopped or starved and read it {late_s:.1f} s too late; "
         "take load off this machine"

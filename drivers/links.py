@@ -66,7 +66,7 @@ class StreamLink(ReportingLink):
             pass
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields data as it is received, until the deadline of the transaction and a few reads longer.
+        """Yields data as it is received until the transaction's deadline, and then during a few more reads.
 
         The deadline is `LINK_TIMEOUT_S` plus `seconds` of device time from now. The reads after it receive
         data that arrived in time while this process was stopped.

@@ -97,7 +97,7 @@ class ManualArm:
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Returns why the simulated arm cannot make a straight motion; empty if it can or is missing."""
+        """Returns why the simulated arm cannot make a straight motion; empty if it can or there is none."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(

@@ -6,7 +6,7 @@ Pose2 = tuple[float, float, float]
 
 
 def compose(a: Pose2, b: Pose2) -> Pose2:
-    """Converts pose b, given in the frame at pose a, to the frame in which a is given."""
+    """Converts pose b from the frame at pose a to the frame in which a is given."""
     c, s = cos(a[2]), sin(a[2])
     return (a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], remainder(a[2] + b[2], tau))
 

@@ -54,8 +54,8 @@ class ObjectState(IntEnum):
 class GripperProfile:
     """Capabilities and properties of one model of a gripper.
 
-    A width is nominal: the distance of the finger faces with the maker's fingers, which a calibration
-    corrects (`grasp-calibrate width`). Readings lie on a grid: `steps + 1` widths from 0 to the stroke.
+    Widths are nominal: distances between the faces of the maker's fingers. A calibration
+    (`grasp-calibrate width`) corrects them. Readings lie on a grid: `steps + 1` widths from 0 to the stroke.
     """
 
     model: str  # name in jobs

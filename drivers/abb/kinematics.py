@@ -48,7 +48,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def compose(a: Pose, b: Pose) -> Pose:
-    """Converts pose b, given in the frame at pose a, to the frame in which a is given."""
+    """Converts pose b from the frame at pose a to the frame in which a is given."""
     x, y, z = rotate(a[3], b[:3])
     return Pose(a[0] + x, a[1] + y, a[2] + z, multiply(a[3], b[3]))
 

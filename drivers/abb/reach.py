@@ -112,7 +112,7 @@ def obstacle(start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], 
 
 
 class Wrist(NamedTuple):
-    """What the last reading of the joints says about the hand's range of angles at other places.
+    """Latest reading of the joints; predicts which angles of the hand the last axis allows at a place.
 
     The hand points down. Its angle grows with the angle of axis 1, which points up, and falls with the angle
     of the last axis, which points down. So the sum of hand angle and last axis changes only with axis 1.
@@ -133,7 +133,7 @@ class Wrist(NamedTuple):
         return self.whole_rad + math.remainder(turn, math.tau)
 
     def turn_range(self, x_mm: float, y_mm: float, setup: Setup) -> tuple[float, float]:
-        """Least and greatest angle of the hand at a place that keep the last axis in its range, rad."""
+        """Least and greatest angle of the hand at a place, rad; between them the last axis stays in range."""
         spare = SPARE_DEG if setup.base is not None else SPARE_BLIND_DEG
         whole = self.moved(x_mm, y_mm, setup)
         low, high = setup.wrist

@@ -4,7 +4,8 @@ There is one connection, with one request at a time. A request has a single dead
 handshake, sign-in and answer), and its answer has a size limit. After a failure the connection is renewed, so
 that a late answer is not taken for the answer to a later request. Sign-in is Basic, or Digest if the
 controller requires it. User and password come from the environment, since an address is printed and
-journalled. Neither is sent before the certificate is verified, unless any certificate is accepted.
+journalled. Neither is sent before the certificate is verified, unless the environment variable of the
+certificate is "any".
 """
 
 import base64
@@ -70,7 +71,7 @@ class Rws:
         raise RwsError(f"it {read_late(late_s)}")
 
     def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
-        """Requests a change, once.
+        """Requests a change; does not repeat a request that fails.
 
         Raises:
             RwsError: no answer in time (it is then unknown whether the change was made), or a refusal.
@@ -137,8 +138,8 @@ class Rws:
         """Connects before a deadline, and checks the controller's certificate.
 
         Raises:
-            RwsError: the certificate is another than the environment states, the environment states none, or
-                its file cannot be read.
+            RwsError: the certificate is not the one that the environment variable states, the variable is not
+                set, or the file that it names cannot be read.
             OSError: no connection in time.
         """
         stated = os.environ.get(CERTIFICATE, "")

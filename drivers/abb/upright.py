@@ -1,8 +1,8 @@
 """Base class of drivers for arms whose hand points straight down: checks motions and counts whole turns.
 
 A controller receives rotations in a form in which whole turns make no difference (a quaternion, say), and
-turns the shortest way. So the driver counts the hand's whole turns from motion to motion, and compares the
-count with the last axis.
+turns the shortest way. So the driver counts the hand's whole turns from motion to motion, and checks the
+count against the angle of the last axis.
 """
 
 import contextlib

@@ -67,7 +67,7 @@ class ArmContract:
         assert rig.moves == 0
 
     def test_move_ends_at_its_target(self, rig: ArmRig) -> None:
-        """Each move ends within 0.001 mm of its target, and `pose` within 0.011 mm and 0.003 rad of it."""
+        """Each move ends within 0.001 mm of its target; `pose` is at most 0.011 mm and 0.003 rad off."""
         rng = random.Random(1)
         with rig.open() as arm:
             a = 0.0
@@ -99,7 +99,7 @@ class ArmContract:
     def test_move_to_unsendable_number_is_refused_and_arm_stays_usable(
         self, rig: ArmRig, bad: float
     ) -> None:
-        """A target or speed that cannot be sent raises an ArmError; only the next valid move is executed."""
+        """A target or speed that cannot be sent raises an ArmError and moves nothing; the next move works."""
         with rig.open() as arm:
             for x, z in ((bad, 50.0), (0.0, bad)):
                 with pytest.raises(ArmError, match="not moved") as raised:
@@ -113,7 +113,7 @@ class ArmContract:
             assert rig.moves == 1
 
     def test_move_out_of_reach_is_refused_and_arm_stays_usable(self, rig: ArmRig) -> None:
-        """A move out of reach raises an ArmError that says so; only the next, valid move is executed."""
+        """A move out of reach raises an ArmError that says so and moves nothing; a valid move works."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
                 arm.move_linear((rig.far_mm, 0.0, 50.0, 0.0), 5000.0)

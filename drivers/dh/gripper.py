@@ -70,7 +70,9 @@ class Gripper(PolledGripper[Reading, int]):
         return self._scale.profile
 
     def activate(self) -> None:
-        """Initialises the gripper: the fingers open, or close if it is set to that; a held part is dropped.
+        """Initialises a gripper that is not yet initialised; otherwise sends nothing.
+
+        The fingers open, or close if the gripper is so configured; a held part is dropped.
 
         This does not calibrate the stroke. A calibration closes the fingers on anything between them; it is
         done with the maker's software, once after a change of fingers.

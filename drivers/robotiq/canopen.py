@@ -97,7 +97,7 @@ class CanLink(ReportingLink):
         """Makes one expedited transfer (CiA 301, 7.2.4): reads a byte of a block, or writes `data` to it.
 
         Args:
-            index: object of the block.
+            index: index of the object that is the block.
             byte: number of the byte, from 0.
             data: value to write; None: the byte is read.
 

@@ -1,8 +1,8 @@
 """Device logic of a SCHUNK EGU or EGK: commands in a control word, outcomes in a status word.
 
 A control bit that changes to 1 is a command. A request to close is sent as a grip, any other request as a
-positioning move, in which it is an error to meet a part. A held part is released before the next motion, even
-before a grip. `drivers.schunk.registers` lists the sources.
+positioning move; a positioning move that meets a part ends in an error. A held part is released before the
+next motion, even before a grip. `drivers.schunk.registers` lists the sources.
 """
 
 from functools import partial

@@ -23,7 +23,7 @@ FENCE = PARAMETERS["sw_version_txt"]
 class SchunkLink(Master):
     """Reads and writes a gripper's parameters on a serial line, which this object owns.
 
-    A thread sends requests during a silence, which the gripper would otherwise report as an error.
+    A thread sends a request whenever the line is silent; the gripper reports a long silence as an error.
 
     Args:
         stream: the line.

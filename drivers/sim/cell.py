@@ -49,7 +49,7 @@ class Cell(Site):
 
     Args:
         setting: part and world.
-        seed: seed of every draw.
+        seed: seed of all random numbers.
         time_scale: simulated seconds per wall second.
         faults: schedule of faults; None: no faults.
         rig: the camera; None: there is none.

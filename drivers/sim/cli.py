@@ -141,7 +141,7 @@ def camera(setting: Setting) -> Any:
     """Creates the camera under the table.
 
     Raises:
-        UsageError: the audit extra is missing, or the world has no poses.
+        UsageError: the audit extra is missing, or the world does not know the pose of the part.
     """
     if not setting.truthful:
         raise UsageError(

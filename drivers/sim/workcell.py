@@ -23,7 +23,7 @@ class Workcell(Surroundings):
 
     Args:
         setting: part and world.
-        seed: seed of every draw.
+        seed: seed of all random numbers.
         now: returns the simulated time, s.
         faults: schedule of faults; None: no faults.
     """

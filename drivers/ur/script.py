@@ -13,7 +13,7 @@ def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
     """Creates a program that moves the tool straight to a pose, and reports start and end in registers.
 
     Args:
-        number: number of the move, which the registers hold after its start and its end.
+        number: number of the move; one register holds it after the start, another after the end.
         tool: the tool's frame in the flange frame.
         target: pose of the tool in the base frame.
         pacing: arguments of `movel` for its speed.

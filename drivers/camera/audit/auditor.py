@@ -23,7 +23,7 @@ COVERAGE = 3.0  # standard deviations that a measurement has to be clear of the 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The audit's answer for one part."""
+    """Verdict of the audit on one part, with the reason and what was measured."""
 
     verdict: str  # "pass", "fail" or "unknown"
     reason: str  # one sentence

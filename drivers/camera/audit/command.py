@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Answers the cell's questions on standard input; restarts the process when it has grown too large.
+    """Answers the cell's questions on standard input; restarts the process when its memory is too large.
 
     A faulty file or camera does not stop the cell: every verdict is then "unknown", with the reason, and
     the error is raised only after the last question.
@@ -109,7 +109,7 @@ def read(
 
 
 def digest_of(tree: Path) -> str | None:
-    """Returns the SHA-256 of a table's file; None if the file is invalid, an error that `read` reports."""
+    """Returns the SHA-256 of a table's file; None if the file is invalid, which `read` reports."""
     try:
         return load(tree).digest
     except TableError:

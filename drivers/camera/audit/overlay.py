@@ -24,7 +24,7 @@ QUALITY = 85
 
 
 def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
-    """Writes an overlay to a file; first deletes the oldest overlays beyond `MOST_PICTURES` in all.
+    """Writes an overlay to a file; first deletes the oldest ones, so that at most `MOST_PICTURES` remain.
 
     Args:
         folder: folder of overlays; created if missing.

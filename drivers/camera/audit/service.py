@@ -159,9 +159,9 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
 def _answered(line: bytes, worker: Worker, table_sha256: str | None) -> dict[str, object]:
     """Returns the fields of the answer to a line.
 
-    A question may state the digest of the run's table. If that is another table than the auditor's, nothing
-    is judged. A question with a digest but no pose only asks whether the tables agree. In both cases the
-    answer holds the digest of the auditor's table.
+    A question may state the digest of the run's table. If the auditor has another table, nothing is judged.
+    A question with a digest but no pose only asks whether the tables agree. In both cases the answer holds
+    the digest of the auditor's table.
     """
     try:
         asked = strict_json.parse(line)

@@ -30,7 +30,7 @@ class Touched(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A calibration, and the pictures and residuals that it is based on."""
+    """Result of `calibrate`: the calibration, its residuals, and the pictures with and without the board."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # residuals of boards on the table

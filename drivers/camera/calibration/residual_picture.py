@@ -20,7 +20,7 @@ SHADES = ("#eef5fb", "#d3e5f3", "#a9cbe6", "#f6d3b8", "#efa97f")
 
 
 def draw(fitted: Fitted) -> str:
-    """Returns the SVG: residuals and standard deviations on the table, and coverage by the board's views."""
+    """Returns the SVG: residuals and standard deviations on the table, and where the board was seen."""
     trust, lens = fitted.calibration.trust, fitted.calibration.view.lens
     (left, right), (bottom, top) = ((axis[0], axis[-1]) for axis in (trust.x_mm, trust.y_mm))
     scale = (WIDTH - 2 * MARGIN) / (right - left)

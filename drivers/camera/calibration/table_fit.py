@@ -36,7 +36,7 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """Derives the camera's view of the table from the pose of the board on the table.
+    """Computes the camera's view in a world given by the board that lies on the table.
 
     The origin of the world is on the table, below the board's middle; x points to the right of the print.
 
@@ -54,7 +54,7 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 
 
 def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
-    """Fits the pose of the arm's world in the board's frame to places that the arm has touched.
+    """Computes the pose of the arm's world in the board's frame, from places known in both frames.
 
     Args:
         touched: places in the arm's world, mm.

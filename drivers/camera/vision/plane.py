@@ -86,7 +86,7 @@ def as_it_lies(print_mm: Array, from_below: bool) -> Array:
 
 
 def placed(points: Array, pose: Pose2) -> Array:
-    """Converts points (n, 2), mm, given in the frame at `pose`, to the frame in which `pose` is given."""
+    """Converts points (n, 2), mm, from the frame at `pose` to the frame in which `pose` is given."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
 

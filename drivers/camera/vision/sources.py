@@ -135,7 +135,7 @@ class Still(Source):
 
 
 class Stream(Source):
-    """Source for a device or a stream; a separate thread reads all frames, so that no old frame is pending.
+    """Source for a device or a stream; a separate thread reads each frame at once, so that none queues up.
 
     Args:
         address: device or URL, as OpenCV takes it.

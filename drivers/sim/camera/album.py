@@ -37,7 +37,7 @@ def _field_mm(optics: Optics) -> float:
 
 
 def _on_table(optics: Optics) -> list[Card]:
-    """Cards of the board at several poses on the table: the first in the middle, the others spread out."""
+    """Cards of the board on the table, one for each picture: the first in the middle, the others spread."""
     field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]

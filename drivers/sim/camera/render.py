@@ -1,4 +1,4 @@
-"""Rendering: intersects rays with cards, many for each pixel, then adds the flaws of a real picture.
+"""Rendering: intersects many rays through each pixel with the cards, then adds a real picture's flaws.
 
 A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, just as a pixel of a sensor
 averages the light on its area. So an edge is accurate to about a hundredth of a pixel: larger errors of a
@@ -131,7 +131,7 @@ def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
 
 
 def _rays(optics: Optics, box: tuple[slice, slice], axes: Array) -> Iterator[tuple[float, Levels]]:
-    """Yields one ray through each pixel of a box, once per sample of a pixel.
+    """Yields, for each sample of a pixel, one ray through every pixel of a box.
 
     Args:
         optics: the camera.

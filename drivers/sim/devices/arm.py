@@ -231,7 +231,7 @@ class ArmModel:
         return Answer(f"{code} 1 {self._payload(message.code, now_s)}", ready_s)
 
     def _payload(self, code: float, now_s: float) -> str:
-        """Payload of the answer to an instruction: the data asked for; empty if it asks for none."""
+        """Payload of the answer to an instruction: the data that the instruction requests, if any."""
         if code == 3:
             return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:

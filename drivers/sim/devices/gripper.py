@@ -40,7 +40,7 @@ def input_block(**fields: int) -> bytes:
 class GripperModel(Fingers):
     """A Robotiq gripper from power-up on. Times are simulated seconds and never go back.
 
-    gOBJ follows a request later than the echo of the request does ([SDK] gripper.cpp waits for it).
+    After a request, gOBJ changes later than the echo of the request ([SDK] gripper.cpp waits for it).
 
     Raises:
         UsageError: the readings of the model are not counts.

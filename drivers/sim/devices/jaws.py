@@ -149,7 +149,7 @@ class Fingers(ABC):
         self._now = max(self._now, now_s)
 
     def next_change(self) -> float:
-        """Time at which the readings will next change, apart from a moving width; infinity: they will not."""
+        """Time of the next change of the readings, not counting the width during a motion; infinity: none."""
         states = self._flag.moving_s, self._flag.outcome_s
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
@@ -182,14 +182,14 @@ class Fingers(ABC):
         self._faults = self._desk.holding(Channel.GRIPPER)
 
     def _report(self, code: int, now_s: float) -> None:
-        """Starts what corresponds in this make to a Robotiq fault, given by its gFLT code.
+        """Starts the fault of this make that corresponds to a Robotiq gFLT code.
 
-        By default, nothing corresponds to it.
+        By default there is none, and the method does nothing.
         """
         del code, now_s
 
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
-        """Returns the position that the device reports instead of a true one, as the current faults say.
+        """Returns the position that the device reports for a true one under the current faults.
 
         Positions are from 0 to `most`; the values of the faults are in 255ths of `most`.
         """

@@ -207,8 +207,8 @@ class SchunkModel(Fingers):
     def _obey(self, output: Output) -> None:
         """Executes the commands in a control word.
 
-        A bit that changes to 1 is a command. When the repeat toggle changes, every bit of a motion that is 1
-        is a command again. `NO_FAST_STOP` stops the fingers when it changes to 0; while it is 0, other bits
+        A bit that changes to 1 is a command. When the repeat toggle changes, each motion bit that is 1 is a
+        command again. `NO_FAST_STOP` stops the fingers when it changes to 0; while it is 0, other bits
         are ignored.
         """
         old, new = self._control, output.control

@@ -29,7 +29,7 @@ class UrModel:
     Args:
         arm: mechanics of the arm; only this controller moves it.
         base: the arm's base frame in the world, which programs use.
-        executed: called by each `advance` to a time at which no motion is under way.
+        executed: called at the end of each `advance`, unless a motion is then under way.
     """
 
     def __init__(

@@ -31,7 +31,7 @@ class World(Protocol):
 
 
 class Geometry(NamedTuple):
-    """Gripper, heights, region of the part's pose, and arm acceleration of a job or decision table."""
+    """What a job or decision table states about gripper, heights, the part's pose and arm acceleration."""
 
     gripper: GripperProfile
     squeeze_height_mm: float
@@ -59,8 +59,8 @@ class Geometry(NamedTuple):
     def closing_mm(self) -> float:
         """Greatest hand height at which closing fingers meet the part: half way from squeeze to retreat.
 
-        This height is above the part. If the real tips move on an arc, the hand rises as they close; the
-        simulated tips move straight, and still have to meet the part.
+        This height is above the part. The tips of some real grippers move on an arc, so the cell raises the
+        hand as they close. The simulated tips move straight; they have to meet the part from that height too.
         """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
@@ -187,7 +187,7 @@ def _height_mm(job: Any) -> float | None:
 
 
 def table_geometry(table: tables.Table) -> Geometry:
-    """Creates the geometry that a decision table states, with the region of a rehearsal's part."""
+    """Creates the geometry of a rehearsal from a decision table; the region of the part's pose is fixed."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm
@@ -201,7 +201,8 @@ def table_geometry(table: tables.Table) -> Geometry:
 def warm_up(setting: Setting, seed: int) -> None:
     """Compiles the kernels of the world, so that no client waits for that later.
 
-    In a new world of each part it squeezes once and, if the decision table has pushes, pushes once.
+    For each part that may lie on the table, it squeezes once in a new world and, if the decision table has
+    pushes, pushes once.
 
     Raises:
         UsageError: the world fails.

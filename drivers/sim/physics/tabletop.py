@@ -1,4 +1,4 @@
-"""The part on the table, which the fingers move as a world computes; or a fixed block instead."""
+"""The part on the table, moved by the fingers as a world computes, or a fixed block in its place."""
 
 import math
 import random
@@ -103,7 +103,7 @@ class TableTop:
         """Moves the part, if it is held, with the hand to a grasp pose.
 
         Returns:
-            False if the part was lifted and has slipped out instead, else True.
+            False if the part was to be lifted but slipped out of the fingers, otherwise True.
         """
         if self._held is None:
             return True
@@ -180,7 +180,7 @@ class Vice(TableTop):
     """A table without parts; the block of the setting is fixed to it."""
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """Counts a squeeze; returns the reading at which the first finger to touch the block stops both.
+        """Counts a squeeze; returns the width at which the first finger touches the block: both then stop.
 
         Returns:
             The width with encoder noise, mm; None: the hand is beside the block.

@@ -23,7 +23,7 @@ class VirtualCell:
 
     Args:
         setting: part and world.
-        seed: seed of every draw.
+        seed: seed of all random numbers.
         faults: schedule of faults; None: no faults.
         overheard: called with each string that the arm's controller receives; None: nobody listens.
     """

@@ -51,7 +51,7 @@ class VirtualClock(Clock):
         self._now = max(self._now, moment)
 
     def idle(self, seconds: float, until: float) -> None:
-        """Advances to the next change of a watched device, or by `seconds` if that is later.
+        """Advances by `seconds` or to the next change of a watched device, whichever is later.
 
         The time never goes beyond `until`.
         """

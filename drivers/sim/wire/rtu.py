@@ -1,4 +1,4 @@
-"""Slaves with RTU or Modbus TCP frames, and their ports; they are silent where the real device is."""
+"""Slaves with RTU or Modbus TCP frames, and their ports; unsupported and damaged requests get no answer."""
 
 import asyncio
 import contextlib
