@@ -87,7 +87,7 @@ def whole(job):
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
 def test_compile_job_spent_budget_returns_whole_tree_and_open_share(job, whole, share):
-    """With its full time the plan is not cut short. With a share of the time it is, but its tree is whole."""
+    """A search with only a share of the time it needs is cut short, but the tree of its plan is whole."""
     assert whole[0].cut is None
     plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
