@@ -145,7 +145,10 @@ def test_plan_compile_spent_budget_is_stated_in_text_and_json(job, tmp_path, cap
 
 
 def interrupted(job, output, *options):
-    """Starts plan-compile and sends it a first Ctrl-C once it has grown its tree; returns the process."""
+    """Starts plan-compile, and sends it one Ctrl-C once its tree is grown; returns the process.
+
+    The process has then reported that it is stopping.
+    """
     process = started([sys.executable, "-c", WAITING, job, "-o", output, *options])
     assert any(line == "improving\n" for line in process.stderr)
     process.send_signal(signal.SIGINT)

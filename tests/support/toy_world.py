@@ -84,6 +84,6 @@ class Toy:
 
 
 def poses_of(states):
-    """Returns the poses (n, 3) with the numbers `states` (n,)."""
+    """Returns the poses (n, 3) whose numbers are `states` (n,)."""
     states = np.asarray(states, float)
     return np.column_stack([SPACING_MM * states, np.zeros((len(states), 2))])
