@@ -40,7 +40,10 @@ class Row(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A way to plan: its name, and the changes of the job that select it, in the form that `Row` uses."""
+    """A way to plan: its name, and the changes of the job that select it.
+
+    With some methods the world of every row changes, too. Both kinds of changes have the form of `Row.job`.
+    """
 
     name: str
     job: tuple[str, ...] = ()

@@ -150,7 +150,7 @@ class WatchedLink:
         self._link.write(*what)
 
     def ready(self, block: bytes) -> bool | None:
-        """Whether an answer says that the gripper may move; None if the answer does not say so."""
+        """Whether the gripper may move, according to an answer; None if the answer does not say this."""
         return block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
 
     def target(self, block: bytes) -> int | None:
@@ -304,8 +304,9 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Adds a part to `counts`.
 
-    If the part ends at a leaf, is not delivered and has a known true pose, two sums also grow: the number of
-    parts outside the goal, if this part is, and the number predicted, by the failure rate of the leaf.
+    Two sums compare the parts outside the goal with the prediction. They grow if the part ends at a leaf, has
+    a known true pose, and no delivery was tried. Then `leaves_outside_goal` grows by 1 if the part is outside
+    the goal, and `predicted_outside` by the failure rate of the leaf.
     """
     truth = cell.scene.truth()
     delivered = result.delivery == "done"

@@ -45,7 +45,10 @@ WHAT = ("loop", "healthy", "drift")
 
 
 def loop(parts: int, time_scale: float) -> dict[str, Any]:
-    """Runs parts through the whole cell, again after a fault; returns figures of audits and calibration."""
+    """Runs parts through the whole cell; returns figures of the audits and of the calibration.
+
+    A fault ends a run, and another run continues.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         fitted = calibrated(folder)

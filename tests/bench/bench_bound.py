@@ -1,4 +1,4 @@
-"""Compares the plans of the jobs in `trees/` with the fewest squeezes that any plan as good needs.
+"""Compares the mean squeezes of the plans of `trees/` with a lower bound for plans of equal success.
 
     python tests/bench/bench_bound.py [--only rectangle t-bolt] [--parts 50000] [--dense]
 
@@ -21,7 +21,7 @@ TABLE1 = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 
 
 def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
-    """Computes the lower bound for a job's table; returns a row with the bound and the mean squeezes."""
+    """Computes the lower bound for a job's table; returns the bound and the table's mean squeezes."""
     job = job_file.load(TREES / name / "job.toml")
     table = table_of(name).table
     start = time.process_time()

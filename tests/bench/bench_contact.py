@@ -150,7 +150,10 @@ def overlap(tip: Array, outline: Array) -> Array:
 
 
 def start_mm(sets: list[Recorded]) -> float:
-    """Distance from contact within which 68.3 % of recorded tips start [mm]; all should start in contact."""
+    """The distance between tip and part that 68.3 % of the recorded pushes do not exceed at the start [mm].
+
+    An overlap counts as a distance, too. In an exact record all tips would start in contact.
+    """
     off_mm = np.abs(np.concatenate([each.overlap_mm for each in sets]))
     return round(float(np.quantile(off_mm, 0.683)), 3)
 
@@ -216,13 +219,13 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
 
 
 def by_load(job: Job, end: Callable[[Simulator], Array]) -> dict[str, Array]:
-    """Displacements (n, 3) that `end` computes with a simulator of the job, under each of `LOADS`."""
+    """Calls `end` with a simulator of the job for each pressure in `LOADS`; returns the results by name."""
     jobs = {name: job.replaced(pressure=load) for name, load in LOADS.items()}
     return {name: end(Simulator.of_job(loaded, 1)) for name, loaded in jobs.items()}
 
 
 def squeezed(path: Path) -> dict[str, Array]:
-    """Displacements (n, 3) of a job's part in squeezes from random poses, for each of `LOADS`."""
+    """Displacements (n, 3) of a job's part in squeezes from random poses, for each pressure in `LOADS`."""
     job = job_file.load(path)
     start = random_poses(np.random.default_rng(0), SQUEEZES, job.uncertainty.radius_mm)
     mu = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)
@@ -230,10 +233,10 @@ def squeezed(path: Path) -> dict[str, Array]:
 
 
 def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
-    """Shares of parts that end elsewhere with the load `area`, and `quartic`, than with the load `rim`.
+    """Compares where parts end with the pressures `area` and `quartic`, and with the pressure `rim`.
 
-    Parts that nothing touches are left out. The result also has the number of parts that are moved, and their
-    median displacement.
+    Returns the share of parts that end elsewhere than with `rim`, for each of the other two; and with `rim`,
+    the number of parts that are moved, and their median displacement. Other parts are left out.
     """
     moved = {load: np.concatenate([each[load] for each in all_moved]) for load in LOADS}
     touched = moved["rim"].any(axis=1)
@@ -274,7 +277,11 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
 
 
 def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
-    """How easily a part turns, relative to how easily it slides, by three loads and by its recorded pairs."""
+    """How easily a part turns, relative to how easily it slides, by four limit surfaces.
+
+    Three limit surfaces follow from assumed pressures. The fourth is fitted to the recorded pairs of wrench
+    and twist.
+    """
     rho = radius_of_gyration(pushes.outline)
     area, weights = support(Pressure("uniform", DRAWS), pushes.outline)
     loads = {
@@ -314,7 +321,7 @@ def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArra
 
 
 def figures(ours: list[Errors]) -> dict[str, float]:
-    """The number of pushes, the share that ends near, and median and 90th percentile of their errors."""
+    """The number of pushes, the share that ends near the measured pose, and quantiles of the errors."""
     mm, deg = (np.concatenate(column) for column in zip(*ours, strict=True))
     return {
         "pushes": len(mm),

@@ -105,8 +105,9 @@ def cut_short(
 ) -> bool:
     """Solves the first LCP of a quartic's sequence; returns whether the sequence ends with it.
 
-    It ends if at least two contacts leave a net force below `cut`. The LCP takes the quartic's matrix at a
-    wrench of three equal components. This rule reproduces the recorded squeezes; the authors do not state it.
+    It ends with the first LCP if there are at least two contacts, and the sum of their forces is below `cut`.
+    This LCP takes the quartic's matrix at a wrench of three equal components. This rule reproduces the
+    recorded squeezes; the authors do not state it.
     """
     if count < 2 or cut == 0.0:
         return False
@@ -127,7 +128,8 @@ def cut_short(
 def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> float:
     """Closes the tips until they hold the part; returns their distance from the origin [mm].
 
-    The part is at the pose q (3,), which the call modifies. `cut` is that of `cut_short` per mm of closing.
+    The part is at the pose q (3,), which the call modifies. In a step of d mm, the limit in `cut_short` is d
+    times `cut`.
     """
     work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
     boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
@@ -157,7 +159,7 @@ def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> flo
 def squeezed(part: Part, tips: Tips, poses: Array, cut: float = 0.0) -> Array:
     """Final poses (n, 3) of a part that the tips squeeze from each of the poses (n, 3).
 
-    `cut` is that of `cut_short` per mm of closing; with 0 all sequences of LCPs converge.
+    `cut` is that of `close`; if it is 0, all sequences of LCPs converge.
     """
     reach = float(np.hypot(*part.outline.T).max())
     body = Body(np.ascontiguousarray(part.outline.T), reach, part.surface, part.rho_mm)
@@ -260,7 +262,10 @@ def pushes(folder: Path) -> Iterator[Push]:
 
 
 def pushed(push: Push, part: Simulator, mu: float) -> Array:
-    """Computes the final pose (3,) of the part, from each recorded pose of the hand to the next."""
+    """Returns the final pose (3,) of the part, as computed at friction `mu`.
+
+    The fingers push the part from each recorded pose of the hand to the next.
+    """
     q, across = push.start.copy(), 0.5 * APART_MM * np.array([[0.0, 1.0], [0.0, -1.0]])
     hand = push.hand[np.append(True, np.diff(push.hand, axis=0).any(axis=1))]
     for number, (before, after) in enumerate(pairwise(hand)):
@@ -280,16 +285,17 @@ def pushed(push: Push, part: Simulator, mu: float) -> Array:
 def turn(angle: float) -> Array:
     """The matrix (2, 2) of a rotation by an angle [rad].
 
-    Rows of coordinates times this matrix are turned back by the angle.
+    As `points @ turn(angle)` it turns points (n, 2) by `-angle`.
     """
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s], [s, c]])
 
 
 def runs(folder: Path) -> dict[str, Any]:
-    """Computes the robot's pushes at several frictions; returns shares that end near the measured pose.
+    """Computes the robot's pushes at several frictions; returns two shares of pushes for each friction.
 
-    A second share also counts ends within the spread of the push's group.
+    The first share is of pushes that end near the measured pose. The second also counts a push that ends no
+    farther from the mean measured pose of its group than the farthest measured pose does.
     """
     groups: defaultdict[str, list[Push]] = defaultdict(list)
     for push in pushes(folder):

@@ -65,7 +65,7 @@ def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
 def by_asyncua(port: int, folder: Path, parts: int) -> tuple[list[dict[str, Any]], set[str]]:
     """Runs parts by asyncua's client; returns their results and the states seen.
 
-    With 0 parts, it starts one and aborts it.
+    If `parts` is 0, a part is started and aborted.
     """
     with Supervisor(port, passport(folder, f"identity-{parts}")) as line:
         line.follow()
@@ -86,7 +86,7 @@ def by_node(
 ) -> tuple[list[dict[str, Any]], set[str]]:
     """Runs parts by node-opcua's client; returns their results and the states seen.
 
-    With 0 parts, it starts one and aborts it.
+    If `parts` is 0, a part is started and aborted.
     """
     words = ["node", Path(__file__).parent / "opcua_supervisor.cjs", port, "rectangle", parts]
     certificates = folder / f"certificates-{parts}"

@@ -30,9 +30,8 @@ SCALES |= {"larger by 5 %": (1.05, 1.05), "thinner by 20 %": (1.0, 0.8)}
 def random_widths(program, rng, first_by_plan):
     """Share of runs that end in a resolved leaf if their widths are drawn at random.
 
-    The object flag of each reading is set.
-
-    With `first_by_plan`, the first branch of each run is drawn by its planned probability.
+    The object flag of each reading is set. With `first_by_plan`, the first branch of each run is drawn by its
+    planned probability, and a run that ends at this branch counts only in the total.
     """
     table, gripper = program.table, program.table.gripper
     node, answered = np.zeros(RUNS, np.int64), 0

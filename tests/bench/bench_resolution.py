@@ -85,13 +85,16 @@ def main() -> int:
 
 
 def part_of(name: str) -> str | None:
-    """The one of `PARTS` that the name of a row stands for; None: an outline of the zoo."""
+    """The part in `PARTS` with which the name of a row begins; None for an outline of the zoo."""
     part = name.partition(", seed ")[0]
     return part if part in PARTS else None
 
 
 def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Mean figures of each gripper, over the parts that both locate by searches that were not cut short."""
+    """Mean figures of each gripper, over the plans that count with both grippers.
+
+    A plan counts if its search was not cut short. The result also has the numbers of plans.
+    """
     located = [row for row in rows if row["kind"] is None and not row["cut"]]
     by_gripper = {
         gripper: {row["name"]: row for row in located if row["gripper"] == gripper}

@@ -78,7 +78,7 @@ def measured(parts: Sequence[Part]) -> Figures:
 
 
 def same_squeezes(table: Table, parts: Sequence[Part]) -> Figures:
-    """Figures of the same parts by the table's model of time, applied to their squeezes."""
+    """Figures of a run's parts, with the seconds that the table's model of time gives for their squeezes."""
     schedule = Schedule.of(table, job_of(table))
 
     def seconds() -> Iterator[float]:

@@ -143,7 +143,7 @@ class DartWorld:
         return float(closed[0])
 
     def _table(self) -> Array:
-        """Friction of the table on the part, a force and a torque (3,); it brakes each foot."""
+        """Friction of the table on all feet of the part: their total force and torque (3,)."""
         angle, (vx, vy, turn) = self.part.getPositions()[2], self.part.getVelocities()
         c, s = math.cos(angle), math.sin(angle)
         at = self.feet @ np.array([[c, s], [-s, c]])
@@ -159,7 +159,7 @@ def unit(way: Array) -> Array:
 
 
 def ball() -> Any:
-    """The shape of a corner: a tiny sphere."""
+    """A tiny sphere, with which corners of parts and fingers touch what they meet."""
     return dartpy.dynamics.SphereShape(ROUND_MM)
 
 

@@ -51,8 +51,8 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
     """Runs `runs` histories of each drift.
 
     Returns:
-        For each drift: the shares of histories that are flagged within 50 parts, the delays, and what `bound`
-        returns.
+        For each drift: the shares of histories that are flagged within 50 parts, and the delays. For a drift
+        of friction also what `bound` returns.
     """
     seed = FRESH + 1000
     starts = [_started(table, job, expected, seed + run) for run in range(runs)]
@@ -87,8 +87,8 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
         result: parts after the change, none of them used for `gain`.
 
     Returns:
-        `at_best`: share of histories that the likelihood ratio flags; `nats_in_50`: its mean logarithm after
-            the change.
+        `at_best`: share of histories that the likelihood ratio flags; `nats_in_50`: mean logarithm of the
+            likelihood ratio of 50 parts after the change.
     """
     healthy, changed = (_windows(gain, parts) for parts in (unchanged, result))
     limit = np.quantile(healthy, 1.0 - WITHIN / RARE)
@@ -117,7 +117,10 @@ def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monito
 
 
 def _first(start: Monitor, stretch: list[Part]) -> dict[str, int]:
-    """The first alarm of each chart that raises one: the number of the part after the drift began."""
+    """Returns, by chart, the number of the part at which the chart raises its first alarm.
+
+    Parts are counted from 1 at the beginning of the drift. Charts without an alarm are left out.
+    """
     monitor, result = copy.deepcopy(start), {}
     for number, part in enumerate(stretch, start=1):
         for alarm in monitor.add(part):

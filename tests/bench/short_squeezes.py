@@ -3,8 +3,8 @@
     python tests/bench/short_squeezes.py trees/rectangle/rectangle.msgpack --parts 100
 
 Seconds are those of virtual time. Beside them stands what the model of time gives for the same squeezes. A
-measure is switched off by patching the code. With several tables it prints a row each, which compares all
-measures with none.
+measure is switched off by patching the code. With several tables it prints one row for each table: the
+seconds with all measures and without any.
 """
 
 import statistics

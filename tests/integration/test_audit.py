@@ -211,7 +211,10 @@ def test_serve_full_process_answers_waiting_questions_before_restart():
 
 
 def test_grasp_runtime_audit_by_another_table_is_refused_before_motion(files, tmp_path, capsys):
-    """The auditor's table lacks the job. Before a run moves anything, it asks for the auditor's table."""
+    """The auditor judges by a copy of the run's table that lacks the job.
+
+    Before a run moves anything, it asks for the digest of the auditor's table.
+    """
     other = tmp_path / "other.msgpack"
     dump(replace(load(TABLE).table, job=None), other)
     words = (f"--{name} {path}" for name, path in {**files, "tree": other}.items())

@@ -87,7 +87,7 @@ def whole(job):
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
 def test_compile_job_spent_budget_returns_whole_tree_and_open_share(job, whole, share):
-    """With its full time the plan is not cut short. With a share of the time it is, but its tree is whole."""
+    """A search with only a share of the time it needs is cut short, but the tree of its plan is whole."""
     assert whole[0].cut is None
     plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
@@ -145,7 +145,10 @@ def test_plan_compile_spent_budget_is_stated_in_text_and_json(job, tmp_path, cap
 
 
 def interrupted(job, output, *options):
-    """Starts plan-compile and sends it a first Ctrl-C once it has grown its tree; returns the process."""
+    """Starts plan-compile, and sends it one Ctrl-C once its tree is grown; returns the process.
+
+    The process has then reported that it is stopping.
+    """
     process = started([sys.executable, "-c", WAITING, job, "-o", output, *options])
     assert any(line == "improving\n" for line in process.stderr)
     process.send_signal(signal.SIGINT)

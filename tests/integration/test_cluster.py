@@ -55,7 +55,7 @@ class Machines:
         self.scheduler, self.workers = None, []
 
     def with_workers(self, n):
-        """Starts what is missing of a scheduler and `n` live workers."""
+        """Starts a scheduler if none runs, and workers until `n` are alive; returns this object."""
         if self.scheduler is None or self.scheduler.poll() is not None:
             self._start_scheduler()
         self.workers = [worker for worker in self.workers if worker.poll() is None]

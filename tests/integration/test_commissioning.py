@@ -39,7 +39,7 @@ def test_commissioning_page_commands_print_shown_output(work, environment):
 
 @pytest.mark.parametrize("part", ["rectangle", "gusset"])
 def test_commissioning_page_heights_raised_in_air_give_valid_job(part):
-    """The heights that the page names are raised by as much as the page says."""
+    """The step "In the air" of the page names heights of the job, and says by how much to raise them."""
     job = TREES / part / "job.toml"
     assert 0.96 < wilson_interval(100, 100)[0] < 0.97  # what the page's hundred parts can prove
     text = (DOCS / "commissioning.md").read_text()

@@ -244,10 +244,10 @@ def test_decision_map_width_beyond_margin_ends_at_no_leaf(plan):
 
 
 def test_committed_table_wrong_answers_in_standard_worlds_are_within_goal():
-    """The share of wrong answers stays below what the goal's confidence leaves.
+    """In each standard world, the share of wrong answers is at most 1 - `goal.confidence`.
 
-    A tighter limit would fail by chance: two plans of one job differ by 0.9 % with the encoder 1 mm off. The
-    world of 10 degrees of freedom is left out.
+    More precisely, the lower end of its 95 % interval is. A tighter limit would fail by chance: with the
+    encoder 1 mm off, two plans of one job differ by 0.9 %. The world of 10 degrees of freedom is left out.
     """
     doubting = job_file.load(JOB)
     table = load(TABLE).table

@@ -72,9 +72,9 @@ def run(cell: Cell, faults: Listed, *, faulty: bool) -> object:
 
 
 def allowed(outcomes: str, result: PartResult, sound: PartResult) -> bool:
-    """Whether a part ended as one of `outcomes` allows.
+    """Whether a part ended in one of the `outcomes` that FAULTS.md lists for its fault.
 
-    "same" allows the end of the part without a fault, `sound`.
+    The outcome "same" is that of `sound`, the same part without a fault; "decided" is any of `DECIDED`.
     """
     how = result.outcome.value
     ends = {how, f"{how} {result.exit_code}"}
@@ -90,9 +90,10 @@ def sound(name: str) -> object:
 
 
 def faults(kind, cell, every_moment):
-    """Yields faults of a kind, one at each moment of the cell; their values and lengths alternate.
+    """Yields faults of a kind, one or two at each moment; their values and lengths alternate.
 
-    With `every_moment`, every value and length occurs at every moment.
+    With `every_moment`, every value and length occurs at every moment. Faults of the line and the gripper
+    occur at the moments of the cell, other faults at moments of their own.
     """
     values = {kind.low, (kind.low + kind.high) / 2, kind.high}
     if kind.name not in IN_SECONDS:

@@ -79,7 +79,7 @@ def station(tree: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
 
 
 def is_refused(station: Station, code: int, *words: str) -> str:
-    """Checks that a start is refused without motion or record; returns its one line."""
+    """Checks that a start is refused without motion or record; returns the line of the error."""
     before, kinds = station.stands(), station.kinds()
     ended, _, err = station.run(*words)
     assert (ended, err.count("\n")) == (code, 1), err

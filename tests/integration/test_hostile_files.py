@@ -42,7 +42,7 @@ class Command(NamedTuple):
         module: the module with its `main`.
         suffix: the suffix of {out}.
         words: its arguments; names of `READ` in braces are files that it reads, {out} is the file that it
-            writes, {json} and {svg} are the same with another suffix, {folder} is its folder.
+            writes, {json} and {svg} are {out} with another suffix, {folder} is the folder of {out}.
     """
 
     module: str
@@ -108,7 +108,7 @@ class Desk:
         return int(import_module(command.module).main(words))
 
     def start(self, journal: Path) -> int:
-        """Run a part in a simulated cell; returns the exit code."""
+        """Runs a part in a simulated cell; returns the exit code."""
         words = ["--tree", str(self.files["tree"]), "--journal", str(journal)]
         return cli.main([*words, *VIRTUAL, *REHEARSAL])
 

@@ -29,7 +29,8 @@ Execute = Callable[..., Ended]
 def execute(tmp_path: Path, monkeypatch) -> Execute:
     """A function that runs a command in `tmp_path` and checks its exit code and standard error.
 
-    The command runs as a process if `shell`, such as a redirection, is given.
+    Without `shell` the command is called in this process. With it, bash runs the command as a process, and
+    `shell` is what follows the command in the line, such as a redirection.
     """
     monkeypatch.chdir(tmp_path)
 

@@ -13,7 +13,7 @@ CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
 
 
 def loaded_after(code: str) -> str:
-    """Which modules of `HEAVY` a new interpreter has loaded after some code: the last line that it prints."""
+    """Returns, as the text of a list, the modules of `HEAVY` that some code loads in a new interpreter."""
     done = ended([sys.executable, "-c", f"{code}\n{CHECK}"])
     assert done.code == 0, done.err
     assert "\x1b" not in done.out  # colours are for a terminal

@@ -1,7 +1,7 @@
 """A gripper whose fingers meet 1.5 mm off the middle: poses are wrong until the offset is calibrated.
 
-A leaf states a pose in the arm's frame, where a camera sees the part and the next motion meets it. Fingers
-that meet elsewhere therefore shift the parts, although all readings stay the same.
+A leaf states a pose in the arm's frame, in which a camera sees the part and the next motion grasps it.
+Fingers that meet off the middle displace the part in this frame, although all readings stay the same.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The studio over HTTP: from a drawing to a table and simulated parts, though the studio is killed."""
+"""The studio over HTTP: from a drawing to a table and simulated parts, even if the studio is killed."""
 
 import json
 import sys

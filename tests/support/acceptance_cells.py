@@ -30,7 +30,7 @@ def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen
         rate: true share of failures; if it equals the limit, either verdict is wrong.
         limit: largest share of failures that the study accepts.
         most: greatest number of parts.
-        unseen: share of the parts at a leaf, good or failed, whose audit verdict is "unknown".
+        unseen: probability that the audit of a part at a leaf has the verdict "unknown".
     """
     fails, kinds = rng.random(most) < rate, rng.integers(len(FAILED), size=most)
     hidden, stopped = rng.random(most) < unseen, rng.random(most) < 0.01

@@ -98,7 +98,7 @@ def loop(
 
 
 def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
-    """Returns a list of records for each run in a journal; an empty list if the journal does not exist."""
+    """Returns the runs in a journal, each as the list of its records; a missing journal has no runs."""
     runs: list[list[dict[str, Any]]] = []
     for record in records(journal) if journal.exists() else ():
         if record["kind"] == "header":

@@ -13,7 +13,10 @@ NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Chain:
-    """Adds records to those of the journal at `path`, if it exists; writes all at the end of the `with`."""
+    """Appends records to the journal at `path`; the file need not exist.
+
+    The records are written, and chained by new digests, at the end of the `with`.
+    """
 
     def __init__(self, path):
         self._path = path

@@ -1,4 +1,8 @@
-"""Shows a calibration board to the camera of `cameras`, as cards to be rendered and as exact corners."""
+"""Simulates a calibration board before the camera of `cameras`.
+
+The board is a card, which can be rendered. The corners in a picture of the card are computed without
+rendering.
+"""
 
 import cv2
 import numpy as np

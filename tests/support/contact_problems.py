@@ -49,10 +49,10 @@ def wrenches(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def goals(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Returns two displacements (m,) that the contacts ask of the part [mm].
+    """Returns two displacements (m,) that the contacts require of the part [mm].
 
-    The first is the least displacement along each normal, by which the part keeps out of the finger. The
-    second is the finger's displacement along each tangent, which a sticking part follows.
+    The first is along each normal: the least displacement that keeps the part out of the finger. The second
+    is along each tangent: the finger's displacement, which the part shares where the contact sticks.
     """
     n, u = problem.normals, problem.advance
     return (n * u).sum(axis=1) - problem.gap, -n[:, 1] * u[:, 0] + n[:, 0] * u[:, 1]
@@ -155,7 +155,7 @@ def flush(rng: np.random.Generator) -> ContactProblem:
 
 
 def wedged() -> ContactProblem:
-    """A finger's corner presses on both walls of a notch, the other finger from below: no solution."""
+    """A finger's corner is wedged in a notch, and the other finger presses from below: no solution."""
     left, right = math.radians(-60.0), math.radians(-120.0)
     normals = [[math.cos(left), math.sin(left)], [math.cos(right), math.sin(right)], UP]
     points, advance = [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]], [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]]
@@ -168,7 +168,7 @@ def flush_push() -> ContactProblem:
 
 
 def flush_grasp() -> ContactProblem:
-    """Two faces of a part between both fingers, two contacts on each: no solution, whatever the friction."""
+    """Each finger presses on a face of the part at two contacts: no solution, whatever the friction."""
     points = [[-8.0, -10.0], [8.0, -10.0], [-8.0, 10.0], [8.0, 10.0]]
     return _problem(points, [UP, UP, DOWN, DOWN], [[0.0, 0.1]] * 2 + [[0.0, -0.1]] * 2, mu=0.5)
 

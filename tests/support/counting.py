@@ -44,7 +44,10 @@ def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> Gripp
 
 
 def label_of(clusters, readings):
-    """Returns for each reading (n,) the number of its cluster in a `Partition`, or -1 if it is in none."""
+    """Returns, for each of the readings (n,), the index of the cluster that contains it, or -1 if none does.
+
+    `clusters` is a `Partition`.
+    """
     readings = np.asarray(readings)[:, None]
     inside = (clusters.low <= readings) & (readings <= clusters.high)
     return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)

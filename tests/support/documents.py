@@ -73,7 +73,7 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
 def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
     """Runs blocks in one shell in the folder `work`; returns the lines that each block prints.
 
-    An empty list follows those of the blocks.
+    The result has a list of lines for each block, and an empty list at the end.
     """
     script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
     words = ("bash", "-euo", "pipefail", "-c", f"exec 2>&1\n{script}")

@@ -44,7 +44,7 @@ def broken(job, seed):
 
 
 class Stumbling:
-    """A world whose first instance works, since the cell warms up with it; squeezes in later ones fail."""
+    """A world whose first instance works, so that the cell can warm up; later instances fail to squeeze."""
 
     instances = 0
 

@@ -80,8 +80,8 @@ def judge(depth: str, data: bytes) -> str:
     """Reads a mutant; returns "refused", "unchanged" (the mutation had no effect) or "another table".
 
     Raises:
-        AssertionError: a damaged mutant is read as a table. A mutant counts as damaged if its depth is
-            "file", or if it differs from the file that its table is written to.
+        AssertionError: the mutation had an effect, but the mutant is read as a table, although its depth is
+            "file", or although this table is written as other bytes.
     """
     try:
         table = loads(data)

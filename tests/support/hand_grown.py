@@ -37,7 +37,7 @@ def squeezed(node, angle, groups):
 def grown(silent=0):
     """Returns the root of a plan that distinguishes three places of a part by two squeezes.
 
-    `silent` further squeezes come first; each reads the same width at all places.
+    Before these two come `silent` squeezes, each of which reads one width at all places.
     """
     node = root = leaf(np.repeat(PLACES, 100, axis=0), np.full(300, -1), 1.0, 0)
     for _ in range(silent):

@@ -53,9 +53,9 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
 
 
 def _counted(bench: Bench, device: str) -> list[Row]:
-    """Runs parts without a fault until two runs end well; returns the rows of calls that both have.
+    """Repeats a run without a fault until two runs end well; returns the rows of calls to a device.
 
-    The calls are those to the device.
+    Only rows and calls that both runs have are returned.
 
     Raises:
         RuntimeError: too many of the runs end badly.

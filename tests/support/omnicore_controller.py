@@ -39,7 +39,10 @@ class RefusedError(Exception):
 
 
 class OmniCore:
-    """The controller's state and program; at first nothing runs, and the pointer is at another program."""
+    """The controller's state and program.
+
+    At first nothing runs, and the program pointer is in another program of the cell.
+    """
 
     def __init__(self, arm: ArmModel) -> None:
         self.mode, self.motors = "AUTO", "motoron"

@@ -42,7 +42,7 @@ def free_port() -> int:
 def integer(register: Register, words: Sequence[int]) -> int:
     """Returns the value of a register from its words, of which the high word comes first.
 
-    A signed register has two's complement.
+    A signed value is in two's complement.
     """
     value = int("".join(f"{word:016b}" for word in words), 2)
     return value - 2**32 if register.type == "int32" and value >= 2**31 else value

@@ -48,7 +48,7 @@ def hexagon() -> np.ndarray:
 
 
 def ellipse() -> np.ndarray:
-    """An ellipse, 36 x 22 mm in 72 vertices: contacts move on from vertex to vertex without end."""
+    """An ellipse, 36 x 22 mm in 72 vertices: as it turns, contacts move from one vertex to the next."""
     t = np.arange(72) * math.tau / 72
     return canonical(np.column_stack([18 * np.cos(t), 11 * np.sin(t)])).outline_mm
 
@@ -201,7 +201,7 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
 
 
 def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float) -> float:
-    """Returns the depth of the deepest overlap of a part with the fingers of jaws `width` apart [mm]."""
+    """Returns the greatest depth to which a part overlaps one of two fingers `width` apart [mm]."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2)) for f in (1, -1))
 

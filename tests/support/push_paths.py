@@ -8,9 +8,9 @@ from planner.mechanics.push import Paths
 
 
 def paths(points, centre=(0.0, 0.0), angle=0.0, shift=(0.0, 0.0)):
-    """Returns `Paths` of one path: a pusher with points (K, 2) turns by an angle about a moving centre.
+    """Returns `Paths` with one path, along which a pusher with points (K, 2) moves.
 
-    The angle is in rad; `shift` is the displacement of the centre.
+    The pusher turns by `angle` [rad] about `centre`, while the centre moves by `shift`.
     """
     return Paths(*(np.array([each], float) for each in (points, centre, angle, shift)))
 

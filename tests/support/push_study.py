@@ -1,6 +1,7 @@
 """Simulates pushes by the robot's hand, each in several variants that should end alike.
 
-Each variant pushes the same parts with the same mechanics along the same way.
+The variants have the same parts, the same mechanics and the same way. They differ in how the push is
+computed: with another step, in two pushes instead of one, with the vertices in another order, and so on.
 """
 
 from collections.abc import Callable

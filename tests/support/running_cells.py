@@ -14,7 +14,7 @@ CALIBRATE = (sys.executable, "-c", "import sys, runtime.cli as cli; sys.exit(cli
 
 
 class RunningCell(Closing):
-    """`grasp-cell` as a process, faster than real time; its world is the rehearsal.
+    """`grasp-cell` as a process, in the world of the rehearsal and faster than real time.
 
     With seed 0 the first part takes both squeezes of the small table.
 

@@ -60,7 +60,7 @@ def small_table() -> Table:
 
 
 def two_squeeze_table() -> Table:
-    """The small table with probabilities by which nearly all parts take both squeezes and are located."""
+    """The small table with other probabilities: nearly all parts take both squeezes and are located."""
     table = small_table()
     shares = ((1, 999_999), (999_999, 1))
     for index, (node, likely) in enumerate(zip(table.nodes, shares, strict=True)):

@@ -38,7 +38,10 @@ class Part(Surroundings):
 
 
 class SchunkRig(GripperRig):
-    """A simulated gripper on a pseudo-terminal; it accepts long pauses between requests of a busy machine."""
+    """A simulated gripper on a pseudo-terminal.
+
+    It accepts any pause between two requests, since a busy machine may send them late.
+    """
 
     contact_um = 21_370
 

@@ -1,4 +1,4 @@
-"""Runs parts on a fake cell whose jaws meet given widths, and lists the commands to jaws and arm."""
+"""Runs parts on a fake cell whose jaws stop at given widths, and lists the commands to jaws and arm."""
 
 from counting import SETTINGS, count_of
 from fake_cell import Deaf, FakeCell, State, fake_cell
@@ -26,7 +26,10 @@ def run(
 
 
 def meeting(stop: int) -> FakeCell:
-    """Returns a fake cell with a part, at which the jaws stop at the count `stop` if they close so far."""
+    """Returns a fake cell with a part, on which the jaws stop at the count `stop`.
+
+    A command to close less far does not reach the part, and the jaws stop where the command says.
+    """
     rig = fake_cell([])
 
     def meet(width_um: int, speed_mm_s: float, force_n: float) -> None:

@@ -16,8 +16,8 @@ class Toy:
     """A world in which a part lies at one of a few numbered poses, and each action squeezes the part.
 
     Attributes:
-        after: (actions, poses) number of the pose after each action at each pose.
-        reading: (actions, poses) reading of each action at each pose.
+        after: (actions, poses) number of the pose to which each action moves a part from each pose.
+        reading: (actions, poses) reading of each action if the part lies at each pose.
     """
 
     def __init__(self, after, reading):
@@ -30,24 +30,25 @@ class Toy:
         return cls(*(rng.integers(most, size=(actions, size)) for most in (size, readings)))
 
     def squeeze(self, parts, placements, rng):
-        """Squeezes parts, as `planner.bound.histories.Squeeze`: x of a placement is the action's number.
+        """Squeezes parts; returns the poses (n, 3) after the squeeze, and the readings (n,).
 
-        Returns poses (n, 3) after the squeeze, and readings (n,).
+        Has the type `planner.bound.histories.Squeeze`. The x of a placement is the number of an action.
         """
         state = np.rint(parts.poses[:, 0] / SPACING_MM).astype(int)
         action = np.rint(placements[:, 0]).astype(int)
         return poses_of(self.after[action, state]), self.reading[action, state]
 
     def placements(self, history):
-        """Returns the placements (actions, 3) after a history: those of all actions, after any history."""
+        """Returns the placements (actions, 3) of all actions, whatever the history."""
         return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
 
     def outcomes(self, squeezes, least_share=0.0, granted=False):
         """Returns the results of all plans of at most `squeezes` squeezes, as (squeezes, parts not located).
 
-        Both numbers are sums over one part at each pose. A plan states a pose only if it locates a share of
-        `least_share` of the parts that may be there. If `granted`, a plan may locate all parts that are left
-        after the last squeeze, at the price of one more squeeze of each.
+        Each plan is applied to as many parts as there are poses, one at each pose. The result counts all
+        their squeezes, and those parts that are not located. A plan states a pose only if this locates at
+        least a share `least_share` of the parts with the same readings. If `granted`, a plan may squeeze
+        each part that is left after the last squeeze once more, and locates it by that.
         """
 
         @cache
@@ -83,6 +84,6 @@ class Toy:
 
 
 def poses_of(states):
-    """Returns the poses (n, 3) with the numbers `states` (n,)."""
+    """Returns the poses (n, 3) whose numbers are `states` (n,)."""
     states = np.asarray(states, float)
     return np.column_stack([SPACING_MM * states, np.zeros((len(states), 2))])

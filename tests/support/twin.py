@@ -34,7 +34,7 @@ class Part(NamedTuple):
         A: (3, 3) limit surface matrix in the part's frame.
         rho: the length that normalises A, mm.
         mu: friction at both fingers.
-        jaws: the jaws; the share of the closing of each finger is not used.
+        jaws: the jaws; here both fingers close equally far, whatever shares the jaws state.
     """
 
     outline: np.ndarray
@@ -148,7 +148,7 @@ def _corner_contacts(
 ) -> list[tuple[float, ...]]:
     """Returns the contacts of an inner corner of a finger with edges of the part, in the form of `_contacts`.
 
-    Edges that would press out of the finger are left out.
+    An edge is left out if it would press on the corner in a direction out of the finger.
     """
     results: list[tuple[float, ...]] = []
     for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
