@@ -1,4 +1,4 @@
-"""Random pushes by hand end nearly alike however they are computed, and never with the part in a finger.
+"""Random pushes by the gripper's hand end nearly alike however computed; no part ends inside a finger.
 
 `tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """
@@ -34,7 +34,7 @@ def test_push_by_hand_flush_part_stays_flush(opening, beside):
 
 
 def test_push_by_hand_wedged_part_moves_along_from_start():
-    """Friction holds the part's tip between the fingers; in a second push it moves with them at once."""
+    """A first push wedges the part's tip between the fingers; in a second, the part moves at once."""
     tip = np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])
     part, n, opening = simulator(tip), 200, np.full(200, 12.0)
     rng = np.random.default_rng(2)

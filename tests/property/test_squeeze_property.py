@@ -67,7 +67,7 @@ def test_roll_out_result_is_finite_and_fits_its_status(seed, mu):
 @CASES
 @given(seed=seeds, mu=frictions)
 def test_roll_out_moves_part_no_farther_than_fingers(seed, mu):
-    """Along the closing axis, a part ends at most as much farther from the hand as one finger has moved."""
+    """Along the closing axis, a part's distance from the hand grows by at most the way of one finger."""
     outline = compact(seed)
     poses, result = squeezed(outline, seed, mu)
     closed = 0.5 * (JAWS.opening_mm - result.width_mm)

@@ -39,7 +39,7 @@ JOB = programs.JOB.read_text()
 
 
 def prints(text: str) -> bool:
-    """Whether nothing in a text moves a cursor, breaks a line or turns a reading direction."""
+    """Whether printing a text cannot move a cursor, break a line or turn a reading direction."""
     hidden = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
     return not any(unicodedata.category(letter) in hidden for letter in text)
 

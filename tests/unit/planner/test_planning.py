@@ -73,7 +73,10 @@ def test_planned_budget_begins_the_passes_that_leave_time_for_repairs(scripted, 
 def test_better_unfinished_pass_needs_a_lower_value_and_time_for_repairs(
     missing, value, explores, repairs, better
 ):
-    """A tree of higher value, or without time for repairs, must locate more parts; here none does."""
+    """The unfinished tree is better if its value is lower and repairs follow that can finish it.
+
+    Otherwise, or if the pass explores, it must locate more parts than the old tree, which here locates all.
+    """
     new, root = SimpleNamespace(value=value), SimpleNamespace(value=3.0)
     search = SimpleNamespace(
         stage=PASSES[0]._replace(explores=explores),

@@ -1,4 +1,4 @@
-"""The driver of DH grippers against a simulated gripper in virtual time, on a line that fails."""
+"""The driver of DH grippers against a simulated gripper in virtual time, also if the line has faults."""
 
 from dataclasses import replace
 

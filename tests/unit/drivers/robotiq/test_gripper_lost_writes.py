@@ -25,7 +25,7 @@ def lose(link, times=1, before=lambda block: None):
 
 
 def arrive(link):
-    """An argument `before` of `lose`: the write arrives, so that only its answer is lost."""
+    """A function to pass to `lose` as `before`: it delivers the write, so that only its answer is lost."""
     return lambda block: link.model.write_output(0, block, link.clock.time)
 
 

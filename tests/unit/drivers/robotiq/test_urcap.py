@@ -18,7 +18,7 @@ GO = pack(OUTPUT_FIELDS, {"rACT": 1, "rGTO": 1, "rPR": 255, "rSP": 9, "rFR": 7})
 
 
 def output(end=b"", **changed):
-    """A script in which the socket answers the queries of one reading, with `changed` values."""
+    """A script of the socket's answers to all queries of one reading; `changed` replaces some values."""
     values = VALUES | changed
     return [[(0.004, b"%s %d%s" % (name.encode(), values[name], end))] for name in READ]
 

@@ -1,4 +1,4 @@
-"""The parameters against the examples of SCHUNK's manual and against dumps of real grippers."""
+"""SCHUNK's parameters agree with the examples of its manual and with dumps of real grippers."""
 
 import random
 

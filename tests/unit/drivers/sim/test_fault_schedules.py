@@ -1,4 +1,4 @@
-"""Fault schedules: which files are accepted, when a fault holds, and what it does to a line."""
+"""Fault schedules: which files are accepted, when a fault is in effect, and how it changes answers."""
 
 import random
 

@@ -106,7 +106,7 @@ def test_squeeze_encoder_offset_shifts_readings_only(job):
 
 
 def test_roll_out_finger_share_equals_gripper_with_that_share(job):
-    """Parts with another finger share end as with a gripper of that share; the other parts do not change."""
+    """A part with a finger share of 0.4 ends as in a gripper of that share; other parts are not affected."""
     n = 100
     poses = to_hand(initial(job, n, np.random.default_rng(9)), np.zeros(3))
     part = Simulator.of_job(job, 1)

@@ -1,4 +1,4 @@
-"""Beliefs over several parts: distances, modes and roll-outs equal those of slow twins."""
+"""Beliefs over several parts: distances and modes agree with slow versions, squeezes with each part alone."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def states(rng, n):
 
 
 def distance(state, reference, identify):
-    """The slow twin of `Metric.between`, for one state."""
+    """Slow reference version of `Metric.between`, for one state."""
     k = int(state[3])
     if identify and k != int(reference[3]):
         return np.inf

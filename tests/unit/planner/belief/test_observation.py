@@ -1,4 +1,4 @@
-"""Readings of the encoder: their resolution, noise and stops, and the widths that they stand for."""
+"""Readings of the encoder: their resolution, noise and end stops, and the widths that they stand for."""
 
 import numpy as np
 import pytest

@@ -30,7 +30,7 @@ def partition(poses, readings, how):
 
 
 def to_go(hits, size, estimate):
-    """The rule's two figures for an interval of `size` particles, of which `hits` are in its modes.
+    """Slow reference version of the rule's estimates: `hits` of `size` particles of an interval are in modes.
 
     Returns:
         The cost-to-go of each particle, and the probability that the interval misses the goal's confidence.
@@ -43,7 +43,10 @@ def to_go(hits, size, estimate):
 
 
 def cost(place, counts, starts, how):
-    """The slow twin: the cost of the intervals of readings that begin at `starts`, in rising order."""
+    """Slow reference version: the cost, by the rule `how`, of a partition whose intervals begin at `starts`.
+
+    `place` and `counts` state the place and the reading of each particle; `starts` are readings that rise.
+    """
     total = 0.0
     for low, end in itertools.pairwise([*starts, FREE]):
         inside = (counts >= low) & (counts < end)
@@ -69,7 +72,10 @@ def cost(place, counts, starts, how):
 
 
 def readings(rng, values):
-    """Places and counts of random particles; those of one count lie mostly at one place."""
+    """Places and readings of random particles, with `values` different readings.
+
+    Most particles that have the same reading lie at the same place.
+    """
     counts = np.sort(rng.choice(np.arange(150, 150 + 3 * values), size=values, replace=False))
     main = rng.integers(0, len(PLACES), values)
     size = rng.multinomial(MOST - values, np.full(values, 1.0 / values)) + 1

@@ -1,4 +1,4 @@
-"""When a belief counts as located; which leaves trials refute, and which costs-to-go follow."""
+"""When a belief counts as located, when trials refute a leaf, and what the cost-to-go of a leaf is."""
 
 import math
 

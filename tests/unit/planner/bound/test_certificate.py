@@ -1,4 +1,4 @@
-"""Certificates of tables: which plans they cover, and that their lower bounds are below these plans."""
+"""Certificates of tables: they cover the table's plan, and their lower bounds are below its mean squeezes."""
 
 import numpy as np
 import pytest

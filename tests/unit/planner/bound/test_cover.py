@@ -1,4 +1,4 @@
-"""The cover bounds the number of poses that one prediction can locate; the bound is nearly reached."""
+"""The upper bound on the number of poses that one prediction can locate: it holds, and is nearly reached."""
 
 import itertools
 
@@ -17,7 +17,7 @@ METRICS = [
     Metric(1.0, 10.6, 2, kind="orientation", tolerance=(1.0, 1.0, np.radians(5.0))),
 ]
 GRID = np.linspace(-2.0, 2.0, 9)
-"""Predictions of the slow twin along each axis, in units of the goal about the group's middle."""
+"""Predictions that `located` tries along each axis, in units of the goal about the group's middle."""
 
 
 def group(rng, metric, n):
@@ -36,7 +36,7 @@ def group(rng, metric, n):
 
 
 def located(metric, poses, predictions, inflation=0.0):
-    """The slow twin: the largest number of poses that one of the predictions locates.
+    """Slow reference version: the largest number of poses that one of the `predictions` locates.
 
     `inflation` widens the goal by this share.
     """

@@ -1,4 +1,4 @@
-"""The message if no first squeeze is free of collision: what opening is missing, and what radius would do."""
+"""The message if every first squeeze collides: how much opening is missing, which radius is small enough."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,7 @@ from planner.world import ContactWorlds
 
 
 def test_evaluate_constant_arm_bias_is_a_change_of_frame(job, table):
-    """With a bias of 120 mm the hand misses all parts; in its frame they lie displaced by the bias."""
+    """The hand misses all parts at a bias of 120 mm; each final pose is the initial one minus the bias."""
     worlds, bias = ContactWorlds.of_job(job, 5), Disturbance(bias_mm=(120.0, 0.0))
     displaced = evaluate(table, job, worlds, 200, 3, disturbance=bias)
     assert displaced.poses == pytest.approx(displaced.initial - bias.bias)

@@ -29,7 +29,7 @@ def test_nearest_leaf_is_the_nearest_within_the_goal_or_none():
 
 
 def predicted_table(rng, leaves, trials):
-    """A table whose leaves state the rates of `trials` trials each, and the true rates."""
+    """A table whose leaves state success rates of `trials` trials each, and these leaves' true rates."""
     table = random_table(seed=15, nodes=60)
     truth = rng.beta(20.0, 0.5, len(table.leaves))
     hits = rng.binomial(trials, truth)

@@ -91,7 +91,7 @@ def test_close_corner_at_the_finger_ends_is_held_only_if_sharp(half_deg, inside_
 
 
 def overlap_mm2(pose, opening_mm):
-    """The slow twin of `collides`: the area that the open fingers share with the part."""
+    """Slow reference version of `collides`: the area that the open fingers share with the part."""
     gripper, near = JOB.gripper, 0.5 * opening_mm
     half, far = 0.5 * gripper.finger_length_mm, near + gripper.finger_width_mm
     fingers = shapely.box([-half, -half], [near, -far], [half, half], [far, -near])
@@ -112,7 +112,10 @@ def test_collides_where_finger_and_part_areas_overlap():
 
 
 def test_push_ends_near_the_quasi_static_push():
-    """The ends are at most 1 mm outside the central 96 % of quasi-static pushes with random mechanics."""
+    """All parts but one end at most 1 mm outside the range where quasi-static pushes end.
+
+    The range is the central 96 % of pushes with random mechanics.
+    """
     rng, (opening, way, n, draws) = np.random.default_rng(8), (20.0, 28.0, 4, 60)
     far = JOB.gripper.finger_length_mm / 2 + np.hypot(*JOB.part.outline_mm.T).max() + 1.0
     poses = np.column_stack(

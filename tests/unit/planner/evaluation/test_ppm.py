@@ -1,4 +1,4 @@
-"""Rates of rare wrong answers: bounds that hold however often one looks, splitting, and resumed studies."""
+"""Rates of rare wrong answers: bounds that hold at every look, parts split into copies, resumed studies."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Trials of a table equal those of a slow twin, turn with the table, and crash on parts under a finger."""
+"""Trials equal those of a slow reference version, turn with the table, and crash on parts under a finger."""
 
 import math
 from dataclasses import replace
@@ -63,7 +63,11 @@ def spread_table(nodes=12, seed=3):
 
 
 def walk(table, job, start):
-    """The slow twin: leads one part from node to node, as the runtime does."""
+    """Slow reference version of a trial: leads one part from node to node, as the runtime does.
+
+    Returns:
+        The leaf or `REJECTED`, the path, the final pose, and the readings.
+    """
     encoder = encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
     pose, target, path, readings = start, 0, [], []

@@ -1,4 +1,4 @@
-"""The vectors and the runs of equal decisions in an export equal the decisions of the runtime."""
+"""An export's test vectors, and its runs of widths with one decision, agree with the runtime's decisions."""
 
 from itertools import pairwise
 

@@ -38,7 +38,8 @@ def push_record(
 ) -> str:
     """The text of a simulated push log with a known result.
 
-    The tip sticks to the block. After 30 % of the time the block begins to move evenly by the twist.
+    The tip sticks to the block. For 30 % of the time the block stands still; then it moves evenly
+    until it has completed the twist.
 
     Args:
         twist: twist of the block in its own frame, over the whole push [mm, mm, rad].

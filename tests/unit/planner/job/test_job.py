@@ -155,5 +155,5 @@ def test_parse_datum_and_picks_move_with_the_outline():
 
 
 def test_schema_fields_stay_few():
-    """A value that is the same for all parts, cells and questions is a constant near its use, not a key."""
+    """A value that never differs from job to job is a constant near its use, not a key."""
     assert sum(len(fields) for fields in schema.FIELDS.values()) <= MOST_KEYS

@@ -1,4 +1,4 @@
-"""The kernel density estimate: against its slow twin, and exact for parts that are not touched."""
+"""The kernel density estimate agrees with a slow reference version, and is exact for untouched parts."""
 
 import math
 from typing import NamedTuple

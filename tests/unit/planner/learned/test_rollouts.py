@@ -1,4 +1,4 @@
-"""Roll-outs are reproducible; a smaller number is a prefix of a larger; parts out of reach do not move."""
+"""Roll-outs are reproducible; a small set is the start of a large one; parts out of reach do not move."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The closed form of one to three contacts agrees with Lemke's method and with trying all modes."""
+"""The closed form of one to three contacts agrees with Lemke's method and with trying all contact modes."""
 
 import contact_problems as problems
 import numpy as np
@@ -20,7 +20,11 @@ pytestmark = pytest.mark.slow
 
 
 def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
-    """Status, motion (3,) and forces (m, 2) of m = 1 to 3 contacts by the closed form, as if all press."""
+    """Solves m = 1 to 3 contacts by the closed form, which assumes that all press.
+
+    Returns:
+        Status, motion (3,) and forces (m, 2).
+    """
     contacts, A, mu, m = problems.rows(problem), problem.A, problem.mu, len(problem.gap)
     if m == 1:
         status = one_contact(A, contacts[0], mu[0])
@@ -36,8 +40,8 @@ def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.n
 def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
     """Checks eqs 1-5 for contacts that all press.
 
-    Their fingers touch and push the part. Friction stays in its cone, opposes the slip, and is spent where
-    there is slip.
+    The fingers touch and push the part. Friction stays in its cone and opposes the slip; at a contact that
+    slips it is as large as the cone allows.
     """
     N, T = problems.wrenches(problem)
     normal, tangential = problems.goals(problem)
@@ -48,7 +52,7 @@ def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.n
     assert fn.min() >= 0.0
     assert (np.abs(ft) <= problem.mu * fn + 1e-10).all()
     assert (ft * slip <= 1e-9).all()
-    # A contact slips only where its friction is spent.
+    # A contact slips only where its friction is as large as the cone allows.
     assert (np.minimum(np.abs(slip), problem.mu * fn - np.abs(ft)) <= 1e-8).all()
 
 
@@ -76,9 +80,9 @@ def test_one_contact_solution_equals_the_lcp():
 
 @pytest.mark.parametrize(("contacts", "count"), [(2, 200), (3, 300)])
 def test_two_and_three_contacts_are_solved_only_where_all_press(contacts, count):
-    """If a solution presses all contacts, the closed form returns one; if none does, it returns `RAY`.
+    """The closed form returns a motion at which all contacts press; where there is none, it returns `RAY`.
 
-    Three contacts are solved only where all slide; where one sticks, its force would exceed all bounds.
+    For three contacts it also returns `RAY` if such a motion needs a force above `LARGEST_FORCE`.
     """
     rng, outcomes = np.random.default_rng(2), []
     for k in range(count):
@@ -104,7 +108,7 @@ def test_two_and_three_contacts_are_solved_only_where_all_press(contacts, count)
 
 
 def test_solve_one_to_three_contacts_agrees_with_lemke():
-    """The status is that of Lemke's method; a motion is one of those found by trying all modes."""
+    """A motion is one that trying all contact modes finds; without one, Lemke's method returns `RAY`, too."""
     rng = np.random.default_rng(3)
     for k in range(300):
         problem = problems.random_contacts(rng, 1 + k % 3)
@@ -134,7 +138,7 @@ def test_solve_flush_faces_hold_where_lemke_has_no_solution():
 
 @pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
 def test_event_fraction_ends_where_an_open_contact_touches(bend):
-    """Within a step the motion is a parabola: it starts as the Euler step and ends as the midpoint step."""
+    """In a step the motion is a parabola: it starts along the Euler step and ends as the midpoint step."""
     contacts = problems.rows(problems.receding())
     contacts[["gap", "un", "ut"]][0] = 0.2, 0.0, 0.0
     first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])

@@ -124,9 +124,9 @@ def test_find_at_first_touch_returns_a_contact_with_its_gap(finger):
 
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
-    """Places y of the inner faces of upper and lower finger, up to 0.3 mm from their first contact.
+    """Random y of the inner faces of the upper and the lower finger, up to 0.3 mm from first contact.
 
-    A finger that passes beside the part is fully open.
+    The face of a finger that would pass beside the part is at `FAR`.
     """
     ways = [clearance.clearance(columns(points), f, f * 100.0, HALF) for f in (1, -1)]
     top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
@@ -134,7 +134,7 @@ def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, 
 
 
 def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
-    """Moves the part just to the right of the fingers, in place; returns y of their inner faces.
+    """Changes `points` and `pose`: the part lies just right of the fingers; returns y of their inner faces.
 
     The upper finger reaches down past the part's leftmost vertex; the lower one is far away.
     """
@@ -146,7 +146,7 @@ def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tu
 
 
 def test_find_returns_pairs_of_features_at_their_gap():
-    """A contact has a point on the part; from there the finger is the gap away, along the normal."""
+    """A contact states a point on the part; one gap away, against the normal, is a point on the finger."""
     kinds = []
     for rng, points, pose in scenes(7, 200, radius=20.0):
         top, bottom = (
@@ -186,7 +186,7 @@ def test_find_full_buffer_keeps_the_nearest_contacts():
 
 @FINGERS
 def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
-    """The only contact is at the finger's outer corner, as far off as the slanted edge of the part."""
+    """One contact is at the finger's outer corner; its gap is the distance to the part's slanted edge."""
     face = finger * 20.0
     corner = np.array([HALF, face + finger * THICKNESS])
     normal = np.array([1.0, finger]) / np.sqrt(2.0)
@@ -203,7 +203,7 @@ def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
 
 
 def meets(outline, pose, width_mm, jaws, share):
-    """The slow twin: whether jaws closed to a width overlap a part, by points along the part's edges."""
+    """Slow reference version: whether a point on the part's edges lies in a finger of jaws at a width."""
     corners = place(outline, pose)
     ends = np.roll(corners, -1, axis=0)
     edge = np.concatenate(

@@ -1,4 +1,4 @@
-"""Lemke's method agrees with published problems, with all bases, and on contact problems with all modes."""
+"""Lemke's method gives published answers, and agrees with trying all bases and all contact modes."""
 
 import numpy as np
 import pytest
@@ -97,11 +97,11 @@ def motion_of(problem, z: np.ndarray) -> np.ndarray:
 
 
 def squeezing_power(problem) -> float:
-    """The most work of the fingers on balanced forces in the friction cones; -inf: there are none.
+    """The most work that the fingers do through contact forces that balance and lie in the friction cones.
 
-    If it is positive, these forces can grow without bound and nothing moves: the part is held. For a
-    copositive matrix, a ray of Lemke's method means that it is positive (Cottle, Pang & Stone, theorem
-    4.4.9).
+    The normal forces add up to 1. The result is -inf if there are no such forces. If it is positive, the
+    forces can grow without bound and nothing moves: the part is held. For a copositive matrix, a ray of
+    Lemke's method means that the result is positive (Cottle, Pang & Stone, theorem 4.4.9).
     """
     m = len(problem.gap)
     M, q = lcp(problem)
@@ -125,7 +125,7 @@ def test_lemke_named_contacts_agrees_with_all_modes(name):
 
 @pytest.mark.parametrize(("contacts", "count"), [(1, 100), (2, 300), (3, 300), (4, 100)])
 def test_lemke_random_contacts_agrees_with_all_modes(contacts, count):
-    """A solution is the motion of a consistent mode. If there is only a ray, the part is held."""
+    """A solution is the motion of a consistent contact mode. If there is only a ray, the part is held."""
     rng = np.random.default_rng(contacts)
     for _ in range(count):
         problem = random_contacts(rng, contacts)

@@ -17,7 +17,11 @@ TWISTS = limit_surface.twist_directions()
 
 
 def cost(A: np.ndarray, F: np.ndarray, V: np.ndarray) -> float:
-    """What `fit` minimises, term by term: wrenches off the level set, and twists off their normal."""
+    """The sum of squares that `fit` minimises, computed term by term.
+
+    For each pair: how far the wrench is off the level set, and how far the normal at the wrench is off the
+    direction of the twist.
+    """
     total = 0.0
     for f, v in zip(F, V, strict=True):
         v = v / np.linalg.norm(v)
@@ -69,9 +73,9 @@ def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
     """The ellipsoid of the rectangle is near the one that the paper's authors released.
 
     Their rho, 10.5711873 mm, is a closed form, and ours equals it to the last digit. Their matrix depends on
-    the twists and weights of their fit, which are not published; the diagonals agree to 5 %. This is a third
-    of a standard deviation of samples with n_df = 100. For this pressure, an ellipsoid predicts the direction
-    of the twist with an error of about 7 deg.
+    the twists and weights of their fit, which are not published; the diagonals agree to 5 %, a third of a
+    standard deviation of samples with n_df = 100. For this pressure, an ellipsoid predicts the direction of
+    the twist with an error of about 7 deg.
     """
     surface = surface_of(job)
     assert surface.rho_mm == pytest.approx(10.5711873, abs=1e-7)
@@ -81,7 +85,7 @@ def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
 
 
 def test_fit_ellipsoid_in_a_shifted_frame_is_the_same_surface():
-    """A force has the same H and causes the same twist, whichever point wrench and twist refer to."""
+    """Whichever point wrench and twist refer to, a force has the same H and causes the same motion."""
     points, weights = support(Pressure("boundary", 100), rectangle())
     here = limit_surface.fit_ellipsoid(points, weights, RHO).A
     offset = np.array([7.0, -2.0])

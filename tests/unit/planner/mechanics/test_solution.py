@@ -42,7 +42,7 @@ def stepped(pose, surface, friction):
 
 
 def violations(met, mu, V):
-    """How far a solution violates eqs 3 to 5, at each contact, by condition; at most 0 if it is exact."""
+    """For each condition of eqs 3 to 5, by how much each contact violates it; at most 0 if it is met."""
     nx, ny, fn, ft = met["nx"], met["ny"], met["fn"], met["ft"]
     slack = met["gap"] - met["un"] + nx * V[0] + ny * V[1] + met["n2"] * V[2]
     slip = nx * V[1] - ny * V[0] + met["t2"] * V[2] - met["ut"]

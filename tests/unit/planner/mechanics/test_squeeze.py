@@ -58,7 +58,7 @@ def test_squeeze_finger_in_a_notch_moves_the_part_until_both_touch():
 
 
 def test_squeeze_finger_corner_between_two_teeth_carries_the_part_to_the_other_finger():
-    """A finger's corner before a tooth that is thinner than a step does not count as inside the tooth."""
+    """A finger's corner between two teeth is far behind some of their edges, but does not count as inside."""
     right = [(19.0, -3.6), (19.0, -2.7), (18.0, -2.7), (18.0, -1.7), (19.0, -1.7), (19.0, -0.8)]
     right += [(18.0, -0.8), (18.0, 3.7)]
     comb = np.array([*right, *((-x, y) for x, y in reversed(right))])

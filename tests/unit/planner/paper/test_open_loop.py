@@ -52,7 +52,7 @@ def search_of(placements, depth, collides=nowhere):
 
 
 def best_by_trial(search, poses):
-    """The slow twin: tries all sequences; returns the best one that is not pruned, and its ratio.
+    """Slow reference version: tries all sequences; returns the best one that is not pruned, and its ratio.
 
     Of equally good sequences it returns the first; shorter ones are tried first.
     """

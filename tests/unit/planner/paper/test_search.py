@@ -35,7 +35,7 @@ def nowhere(poses):
 
 
 class Held:
-    """A model of two subspaces by width: held parts, which lie on y = 0, and free ones."""
+    """A model with two subspaces, chosen by the width: held parts, which lie on y = 0, and free parts."""
 
     def label(self, widths_mm):
         return np.where(widths_mm > 20.0, 7, 4)

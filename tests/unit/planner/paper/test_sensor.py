@@ -1,4 +1,4 @@
-"""The sensor model: against simulated widths and against geometry."""
+"""The sensor model agrees with simulated widths and with geometry."""
 
 import math
 

@@ -19,7 +19,7 @@ def outlines():
 
 
 def carried_out(outline, angles, rng):
-    """Angles in the world of 300 random parts after squeezes at `angles`, by the squeeze function alone."""
+    """Angles in the world at which 300 random parts end after squeezes at `angles`, by the function alone."""
     function = SqueezeFunction.of(outline)
     theta = rng.uniform(-4.0, 4.0, 300)
     for angle in angles:

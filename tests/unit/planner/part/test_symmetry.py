@@ -50,7 +50,7 @@ def test_order_nearly_square_depends_on_the_tolerance():
 
 
 def test_order_simplified_curve_keeps_its_symmetry():
-    """The two round ends of a key keep different vertices."""
+    """Simplification keeps different vertices at the two round ends of a key."""
     key = shapely.LineString([[-9.0, 0.0], [9.0, 0.0]]).buffer(3.0, quad_segs=16)
     drawn = outline.canonical(shapely.get_coordinates(key.exterior)[:-1]).outline_mm
     part = outline.canonical(outline.simplified(drawn, 0.05)).outline_mm

@@ -12,8 +12,8 @@ from runtime.table import predicted_pose
 def test_outcomes_of_journal_and_simulation_are_equal(job, table):
     """Outcomes of the same parts are counted once as from a journal and once as from a simulation.
 
-    In this cell the fingers meet 2 mm off. Two leaves are audited; a third of their parts lies half a turn
-    off.
+    In this cell the fingers meet 2 mm off the hand's middle. Two leaves are audited; a third of the parts
+    that end there lies half a turn off the stated pose.
     """
     cells = Cells.of(job, table)
     values = {"middle_mm": 2.0, "finger_part_min": 0.4, "finger_part_max": 0.6}

@@ -51,8 +51,8 @@ def drawn(monkeypatch, truth, seed):
     """Simulates parts of a hidden cell and draws cells of their posterior.
 
     Returns:
-        The values that the mean readings stand for (3,), the number of parts that read 100 at the last node,
-        and the drawn cells.
+        The cell's values as estimated from the mean readings (3,), the number of parts that read 100 at the
+        last node, and the drawn cells.
     """
     run = Plain().run(truth, PARTS, 1000 + seed)
     counts = readings(run, TABLE)

@@ -73,7 +73,7 @@ def test_page_hostile_name_stays_text(text):
 
 
 def journal_of(tmp_path):
-    """Writes a journal whose first part faults after a squeeze; returns its path and the branch's target."""
+    """Writes a journal whose first part faults after a squeeze; returns path and that squeeze's target."""
     target = TABLE.nodes[0].branches[0].target
     parts = [*part(1, [(0, 132, target)], "fault", reason="no answer"), *part(2, [], "stopped")]
     path = tmp_path / "j.jsonl"

@@ -1,4 +1,4 @@
-"""The report states the figures of the compiler, and the same figures of other worlds everywhere."""
+"""The report states the compiler's figures, and states another world's figures alike in all places."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The film of a simulated part: the world prints each squeeze; the film adds the hand and the outline."""
+"""The film of a simulated part: the world prints each squeeze as JSON, the film adds hand and outline."""
 
 import json
 

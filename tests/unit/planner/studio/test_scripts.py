@@ -152,7 +152,7 @@ def state_of(studio):
 def seen_in(studio, tmp_path):
     """A function that runs a script on the studio's page and returns the script's value.
 
-    Its other arguments are the server's answers about the folder and the drawing.
+    The function's other arguments are the server's answers about the folder and the drawing.
     """
 
     def play(script, folder, drawing):

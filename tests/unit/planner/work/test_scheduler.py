@@ -1,4 +1,4 @@
-"""Threads: all results in order, an end at the first error; clusters that cannot be used."""
+"""Threads return all results in order and end at the first error; unusable Dask clusters are refused."""
 
 import multiprocessing
 import os

@@ -39,7 +39,7 @@ class Interrupted:
 
 
 def drivers(cell: VirtualCell, log: list[str], at: int) -> SimpleNamespace:
-    """Drivers of a cell whose moving call number `at` is interrupted."""
+    """Drivers of a cell's gripper and arm; their moving call number `at` ends in a stop request."""
     return SimpleNamespace(
         gripper=lambda port, profile: Interrupted(cell.gripper(), log, at),
         arm=lambda port: Interrupted(cell.arm(), log, at),

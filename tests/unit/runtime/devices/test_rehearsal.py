@@ -1,4 +1,4 @@
-"""The rehearsal world draws branches by their probability, and gives widths that are read as the branch."""
+"""The rehearsal world draws a branch by its probability, and returns a width that leads to this branch."""
 
 from collections import Counter
 from math import cos, pi, sin, sqrt

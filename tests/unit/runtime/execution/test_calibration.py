@@ -1,4 +1,4 @@
-"""A calibration passes through its gauge blocks, never falls, beats the linear map; its file is checked."""
+"""A calibration passes through its gauge blocks, is monotonic, beats the linear map; its file is checked."""
 
 import io
 import json

@@ -26,7 +26,7 @@ BLOCK_MM, OPENING_MM = 30.0, 85.0
 
 
 def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
-    """The slow twin: the opening at which fingers that close step by step first touch a fixed block [mm].
+    """Slow reference version: the opening at which fingers that close stepwise first touch a block [mm].
 
     Args:
         hand_mm: position of the hand along the closing axis.
@@ -45,9 +45,10 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Yields for both orientations of the hand: where both fingers meet the block at once, and grips nearby.
+    """Yields, for both orientations of the hand, its place at simultaneous contact, and grips nearby.
 
-    The block is `block_mm` off the middle; `read` turns the opening of the fingers into a reading.
+    At this place, both fingers meet the block at the same time. The block is `block_mm` off the middle;
+    `read` turns the opening of the fingers into a reading.
     """
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):

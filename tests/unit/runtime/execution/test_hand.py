@@ -1,4 +1,4 @@
-"""The hand in a part: gentle force, motions between squeezes, drags, and a displaced arm."""
+"""The hand while one part is located: gentle force, motions between squeezes, drags, and a displaced arm."""
 
 import math
 

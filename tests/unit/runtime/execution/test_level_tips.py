@@ -97,7 +97,7 @@ def test_executor_contact_while_opening_is_fault_without_force():
 
 
 def test_executor_arm_follows_tips_not_below_squeeze_height():
-    """Their height is taught at 80 mm of opening; where the jaws open to 85 mm, the tips are 2 mm higher."""
+    """The tips' height is taught at 80 mm of opening; at 85 mm, the tips are 2 mm higher."""
     rig = meeting(AT_21[0])
     assert run(rig, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
     assert min(target[2] for target in arm_moves(rig)) == 10.0

@@ -92,7 +92,7 @@ def test_whole_block_ends_before_request_raises():
 
 
 def test_stoppable_earlier_fault_is_not_replaced_by_request():
-    """The request raises neither while the fault propagates, nor in its handler, nor after the conclusion."""
+    """The request raises neither while the fault propagates, nor in its handler, nor after `conclude`."""
     reached = []
 
     def work():

@@ -67,7 +67,7 @@ def test_dumps_leaves_shifted_15_mm_are_refused(direction):
 
 
 def test_dumps_leaf_turned_by_quarter_is_refused():
-    """The turned rectangle is 30 mm wide, but its leaf follows a reading of 21 mm; no doubt allows that."""
+    """The turned rectangle is 30 mm wide, but its leaf follows a reading of 21 mm; `doubt` is empty."""
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
     quarter = round(1e6 * pi / 2)
     branches = [branch for node in TABLE.nodes for branch in node.branches]

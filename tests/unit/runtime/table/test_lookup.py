@@ -25,9 +25,10 @@ TABLES = [small_table(), every_field_table(), random_table(1, 60), random_table(
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
-    """The slow twin: the nearest branch that interval and flag admit; of two, the lower number.
+    """Slow reference version of the look-up, by the rule of decision 0056.
 
-    The rule is that of decision 0056.
+    Of the branches that interval and flag admit, it returns the one whose expected width is nearest to the
+    reading; of two equally near, the one with the lower number.
     """
     grips, others = [], []
     for number, branch in enumerate(node.branches):

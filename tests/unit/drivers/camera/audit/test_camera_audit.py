@@ -1,6 +1,7 @@
-"""Verdicts of the audit on displaced parts (eq. 9), and sentences about pictures that cannot be used.
+"""The audit's verdicts on displaced parts, by eq. 9, and its sentences about pictures that cannot be used.
 
-Eq. 9 is applied under the part's symmetry and with an error budget.
+A verdict respects the part's symmetry. It is given only if the distance of eq. 9 differs from the goal by
+more than the error of the measurement.
 """
 
 import math
@@ -239,7 +240,10 @@ def parts(goal):
 
 
 def audit_of_several(lies, said, *subjects, predicted=POSE):
-    """The audit's answer if the part of number `lies` is in view and the table names the part `said`."""
+    """The auditor's answer if the picture shows part number `lies` and the table stated the name `said`.
+
+    `subjects` are the parts that the auditor knows; `predicted` is the pose that the table stated.
+    """
     picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
     auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
     return auditor.audit(3, predicted, time.monotonic() + 1.0, said)

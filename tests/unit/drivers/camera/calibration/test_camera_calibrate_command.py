@@ -1,4 +1,4 @@
-"""`grasp-calibrate camera` and `tag` on rendered pictures: exact to 0.1 mm, or one line that says why not."""
+"""`grasp-calibrate camera` and `tag` on rendered pictures: exact to 0.1 mm; errors are one line."""
 
 import json
 import re

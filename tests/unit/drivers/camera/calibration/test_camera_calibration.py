@@ -95,7 +95,7 @@ def shuffled(view):
 
 
 def flat_views():
-    """Views of boards that are never tilted. They do not tell the focal length from the distance."""
+    """Views of boards that are never tilted: a longer focal length looks the same as a smaller distance."""
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
     rng = np.random.default_rng(4)
     flat = [held((0.0, 0.0), spots[k % 5], 230.0) for k in range(10)]

@@ -64,7 +64,7 @@ class Streaming(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def flowing():
-    """An event that is set while the stream sends pictures."""
+    """An event that is set at first; a test clears it to halt the pictures of the stream."""
     event = threading.Event()
     event.set()
     return event

@@ -1,4 +1,4 @@
-"""The camera of a simulated cell shows where the part lies now, and faults of the part and the camera."""
+"""Pictures from a simulated cell's camera show where the part lies now, and current faults."""
 
 import contextlib
 import io

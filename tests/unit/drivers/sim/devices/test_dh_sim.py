@@ -12,7 +12,7 @@ from runtime.table import profile_of
 
 
 class Bench:
-    """A simulated gripper with a part of a given width, or none, between its fingers; and its time."""
+    """A simulated gripper, a part of a given width (or none) between its fingers, and the simulated time."""
 
     def __init__(self, width_mm=None):
         self.part = Part(width_mm)

@@ -16,7 +16,7 @@ def width_mm(count):
 
 
 class Bench:
-    """A simulated gripper, its time, and a part that stops its fingers at the count `contact`."""
+    """A simulated gripper, a part that stops its fingers at the count `contact`, and the simulated time."""
 
     def __init__(self, contact=None, seed=1):
         self.part = Part(width_mm(contact))

@@ -1,4 +1,4 @@
-"""The line protocol of a scene: one answer per line; an answer that fails stops the cell."""
+"""The line protocol of a scene: one answer to each line; an error while answering stops the cell."""
 
 import contextlib
 import json

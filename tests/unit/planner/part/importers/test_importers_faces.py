@@ -1,4 +1,4 @@
-"""The stable faces of a solid: shares by solid angle, outlines at the tips; equal faces are merged."""
+"""The stable faces of a solid: shares by solid angle, outlines above the tips; equal faces are merged."""
 
 import math
 

@@ -157,7 +157,7 @@ def test_read_dimension_lines_that_close_a_contour_are_refused(tmp_path, layer, 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_regions_random_lines_equal_the_union_by_shapely(seed):
-    """The regions cover the same area as the bounded faces by shapely; successive regions share no edge."""
+    """The regions cover the same area as shapely's bounded faces; successive regions share no edge."""
     random = np.random.default_rng(seed)
     drawn = [random.integers(0, 12, (2, 2)).astype(float) for _ in range(14)]
     drawn = [line for line in drawn if (line[0] != line[1]).any()]

@@ -66,7 +66,7 @@ def test_operator_screen_names_and_reasons_are_escaped():
 
 
 def test_ended_part_given_up_is_poor_but_no_fault():
-    """A robot that hangs up ends the run as well as a device does, but nothing is at fault in the cell."""
+    """A robot that closes its connection ends the run, as a failed device would; the cell has no fault."""
     tally = Tally()
     tally.add(part(1, Outcome.ABORTED, [], "the robot hung up"), None)
     assert ended(tally) == ("poor", "A part was given up. 1 part, 0 located.")
