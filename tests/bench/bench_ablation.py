@@ -7,7 +7,8 @@
 A layer is a step of the search that could be left out. The table shows what each layer buys: how much the
 total (mean squeezes + 100 x the share of parts that are not located), the squeezes and the processor time
 rise without it, as the mean over all plans and the standard error of this mean. 20 000 parts that decided
-nothing judge a plan. Plans are kept one by one in `results/ablation.json`; what is kept is not planned again. The seeds are not those by which `bench_planner.py` judges the planner.
+nothing judge a plan. Plans are kept one by one in `results/ablation.json`; what is kept is not planned again.
+The seeds are not those by which `bench_planner.py` judges the planner.
 """
 
 from contextlib import nullcontext
