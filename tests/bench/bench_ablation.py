@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from statistics import fmean, stdev
 from time import process_time
+from typing import NamedTuple
 from unittest.mock import patch
 
 import harness
@@ -36,24 +37,64 @@ SEEDS = (11, 12, 13)
 NONE = "none"  # the name of the complete search
 
 
-# What takes the place of an attribute where a layer is switched off: its owner, its name, the replacement.
-LAYERS: dict[str, tuple[object, str, object]] = {
-    "second partitions": (
+class Layer(NamedTuple):
+    """A layer of the search, and what takes the place of an attribute where it is switched off."""
+
+    buys: str  # what the search does with the layer
+    owner: object
+    attribute: str
+    replacement: object
+
+
+LAYERS = {
+    "second-partition": Layer(
+        "probable nodes also try a partition without the price of strays",
         Search,
         "_partitions",
-        lambda self, _, read: [self._cut(read, self.problem.rule)],
+        lambda self, _, squeezed: [self._cut(squeezed, self.problem.rule)],
     ),
-    "splits of branches": (Search, "_split", lambda self, node: None),
-    "variants of good grasp poses": (
+    "splits": Layer(
+        "a branch is split where its best squeeze shows that it mixes poses",
+        Search,
+        "_split",
+        lambda self, node: None,
+    ),
+    "variants": Layer(
+        "random variants of the best grasp poses are ranked, too",
         Ranking,
         "varied",
         lambda self, belief, thin, options, rng: options,
     ),
-    "grasp poses of other nodes": (search, "to_hand", lambda poses, mode: np.zeros((0, 3))),
-    "exploring pass": (planning, "PASSES", tuple(each for each in PASSES if not each.explores)),
-    "retries beyond the best": (search, "MARGIN", 1e-9),
-    "repeated particles": (search, "LEAST_PARTICLES", 1),
-    "trials that reopen leaves": (planning, "ATTEMPTS", 0),
+    "memory": Layer(
+        "grasp poses that were best at other nodes are ranked, too",
+        search,
+        "to_hand",
+        lambda poses, mode: np.zeros((0, 3)),
+    ),
+    "exploration": Layer(
+        "one pass expands all first squeezes that may be the best",
+        planning,
+        "PASSES",
+        tuple(each for each in PASSES if not each.explores),
+    ),
+    "retries": Layer(
+        "a pass retries actions that were almost the best in the pass before",
+        search,
+        "MARGIN",
+        1e-9,
+    ),
+    "repeats": Layer(
+        "beliefs of few particles are repeated before they are squeezed",
+        search,
+        "LEAST_PARTICLES",
+        1,
+    ),
+    "trials": Layer(
+        "leaves that fresh trials refute are searched again",
+        planning,
+        "ATTEMPTS",
+        0,
+    ),
 }
 
 
@@ -77,7 +118,7 @@ class Plan:
 def planned(layer: str, part: str, seed: int) -> Plan:
     """Plans one job on one thread without a layer."""
     job, began_s = load(TREES / part / "job.toml").replaced(seed=seed), process_time()
-    with nullcontext() if layer == NONE else patch.object(*LAYERS[layer]):
+    with nullcontext() if layer == NONE else patch.object(*LAYERS[layer][1:]):
         run = compile_job(job, workers=1).evaluation
     figures = float(run.squeezes.mean()), float(run.success.mean())
     return Plan(layer, part, seed, *figures, round(process_time() - began_s, 2))
