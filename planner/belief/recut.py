@@ -32,9 +32,10 @@ def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
 def _recut(
     old: Array, old_reading: IntArray, new: Array, new_reading: IntArray, costs: partition.Costs
 ) -> IntArray:
-    """Compiled form of `recut`; the cuts are unsorted.
+    """Compiled form of `recut`, but the cuts are unsorted.
 
-    The states (n, m) and readings (n,) are those before and after the squeeze.
+    `old` and `new` are the particles' states (n, m) before and after the next squeeze. `old_reading` (n,) are
+    the readings that led to the interval, and `new_reading` (n,) those of the next squeeze.
     """
     end = int(old_reading.max()) + 1
     old_cells, old_held, old_steps = partition.into_cells(old_reading, end, costs.coarsest)

@@ -79,13 +79,14 @@ EXACT = np.zeros(3)  # no errors of the arm
 def true_placements(
     placements: Array, traits: Traits, rng: Generator, spread: Array = EXACT
 ) -> Array:
-    """True placements of a hand sent to placements (n, 3), by the traits (n,) of parts [mm, mm, rad].
+    """Where the fingers really meet when the arm sends the hand to placements (n, 3) [mm, mm, rad].
 
-    The number of random draws does not depend on the errors, so that trials are comparable one by one.
+    The arm has random errors, and the traits hold how far the fingers meet beside the middle of the hand. The
+    number of random draws does not depend on the errors, so that trials are comparable one by one.
 
     Args:
         placements: where the arm sends the hand.
-        traits: (n,) latent parameters of the parts.
+        traits: (n,) latent parameters of part and cell.
         rng: draws the errors of the arm.
         spread: (3,) standard deviations of the arm's errors, drawn for every squeeze.
     """

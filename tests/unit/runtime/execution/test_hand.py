@@ -19,7 +19,10 @@ from runtime.traversal.results import Outcome
 
 
 def dragging_table(force_mn: int) -> Table:
-    """The small table with a drag after its root, for which the hand needs the root's full force."""
+    """The small table with a drag after its root, whose squeeze states the force `force_mn` [mN].
+
+    The hand drags a part only when the jaws hold it with all of this force.
+    """
     force = {"nodes.0.squeeze.force_mn": force_mn, "limits.max_force_mn": 235_000}
     return changed(small_table(), {"nodes.0.release": Place(12_000, -7_000), **force})
 
