@@ -114,7 +114,10 @@ class Watch:
 
 
 class Pulse(Console):
-    """Measures the longest time from phase to phase; meanwhile the service manager gets no notification."""
+    """Measures the longest time between two phases of a run, which a service manager's watchdog must allow.
+
+    The service manager is notified at phases only.
+    """
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock

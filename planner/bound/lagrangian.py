@@ -62,8 +62,10 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     """Least mean cost of any plan on the sample [squeezes a part].
 
-    Each squeeze costs 1. To claim n parts, of which m are located, costs price * (confidence n - m). Beyond
-    the histories in `levels`, a plan needs one more squeeze for each part, and its claims cost nothing.
+    Each squeeze costs 1. Where a plan claims n parts (states a pose for them), and m of them are located,
+    this costs price * (confidence n - m). `levels` has the histories, sequences of readings, up to some
+    number of squeezes. Beyond them the bound assumes the best: one more squeeze for each part, and claims at
+    no cost.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze

@@ -192,9 +192,9 @@ def _onto_ellipsoid(F: Array, A: Array) -> Array:
 def friction(data: Normalised) -> float:
     """Estimates mu N [N]: the mean force that slides the part without turning it.
 
-    Begins with a guess, and improves it several times: fits an ellipsoid A to the wrenches divided by mu N,
-    and multiplies mu N by the root mean square of sqrt(v^T A^-1 v) over all unit translations v. By A, this
-    square root is the force along v that causes the translation, in units of mu N; its mean should be 1.
+    Begins with a guess and improves it several times: divides the wrenches by mu N, and fits an ellipsoid A
+    to them. According to A, a translation along the unit vector v takes the force sqrt(v^T A^-1 v) along v.
+    With the right mu N the root mean square of this force over all v is 1, so mu N is multiplied by it.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):

@@ -105,10 +105,11 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 
 @inlined_kernel
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
-    """Converts the displacements of part and boundary from the table's frame to the boundary's, in place.
+    """Subtracts the motion of the boundary's frame over the table from all displacements, in place.
 
-    V (3,) holds the displacement of the part. The fields un and ut of each contact hold the displacement of
-    the boundary. `drive` states how the boundary's frame moves over the table.
+    `drive` states this motion. V (3,) holds the displacement of the part, and the fields un and ut of each
+    contact hold the displacement of the boundary. What remains of the latter is its motion within the frame,
+    such as the closing of the fingers.
     """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn

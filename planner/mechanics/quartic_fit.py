@@ -88,10 +88,11 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) with which squared residuals grow only linearly with large angles between two twists.
+    """Weights (K,) of squared residuals that make a fit robust against twists of a wrong direction.
 
-    The angle is that between `gradient` (K, 3) and the unit twist `unit` (K, 3). The residuals are the
-    components of `gradient` across `unit`.
+    `gradient` (K, 3) are the twists by the fit, and `unit` (K, 3) the measured ones, of length 1. A residual
+    is the component of `gradient` across `unit`. A weighted squared residual grows linearly with a large
+    angle between the two twists, not quadratically.
     """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))

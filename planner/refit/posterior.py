@@ -1,8 +1,8 @@
-"""The posterior of a cell given its journals: rounds of simulated cells that approach it.
+"""The posterior of a cell's parameters given its journals, estimated in rounds of simulated cells.
 
-The cells of each round are drawn from a widened posterior that the rounds before estimate (sequential neural
-likelihood, Papamakarios et al. 2019, with a polynomial instead of the network). Finally cells are drawn from
-the posterior itself.
+Each round draws its cells from the estimate of the previous rounds, widened, and improves the estimate
+(sequential neural likelihood, Papamakarios et al. 2019, with a polynomial instead of the network). At the end
+cells are drawn from the estimated posterior itself.
 """
 
 from collections.abc import Callable

@@ -60,7 +60,7 @@ class Reject(NamedTuple):
     caption: str
     belief: Array  # (m, 3 or 4) possible states of the part when the hand arrives
     fingers: Array  # (2, 4, 2) corners of the fingers [mm]
-    part: Array  # (3 or 4,) the replayed state at this node with the nearest width
+    part: Array | None  # (3 or 4,) replayed state of the nearest width; None without one
     reach: float  # half the side of the picture [mm]
 
 
@@ -122,6 +122,7 @@ def page(
         grades=GRADES,
         means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
+        few=few,
         rejects=_rejects(table, job, source.log, beliefs, branches.reach) if source.log else [],
         measured=source.log.times(source.takt_s) if source.log else {},
         worlds=rows,
@@ -238,7 +239,7 @@ def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float)
         visit = beliefs.visits[node]
         hand = placement_of(table.nodes[node].squeeze)
         boxes = canvas.placed(canvas.finger_boxes(jaws, width_mm), hand)
-        states, pose = beliefs.arrivals[node], np.zeros(3)
+        states, pose = beliefs.arrivals[node], None
         if len(visit.width_mm):
             nearest = int(np.argmin(np.abs(visit.width_mm - width_mm)))
             pose = np.append(visit.after[nearest], states[nearest, 3:])

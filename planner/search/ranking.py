@@ -123,11 +123,11 @@ class Ranking:
         return self.free(belief, np.concatenate(options))
 
     def rank(self, belief: Belief, placements: Array, rng: Generator) -> Options:
-        """Ranks grasp poses (k, 3) of a belief; those that remain are judged by all its particles.
+        """Ranks grasp poses (k, 3) of a belief: drops the worse ones early, judges the last by all particles.
 
-        The ranking counts squeezes, whatever the job minimises: seconds differ less between grasp poses than
-        the estimate errs, and favour grasp poses that reveal little. The search values the best ones in the
-        job's unit.
+        The ranking counts squeezes, even if the job minimises seconds. The times of two grasp poses differ by
+        less than the error of the estimate, and ranking by time would prefer quick grasp poses that reveal
+        little. The search values the best ones in the job's unit.
 
         All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).

@@ -453,7 +453,7 @@ class Search:
     def _split(self, node: Node) -> None:
         """Replaces a node by several siblings if its best action shows that its readings should be split.
 
-        The parent's action was partitioned before this action was known.
+        The readings of the parent's squeeze were cut into branches before the node's best action was known.
         """
         above, action = node.parent, node.best
         if above is None or above.best is None or node not in above.best.children:

@@ -35,9 +35,10 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """The time, as `now` states it, by which a motion that lasts `seconds` of the cell must be over.
+        """The value of `now` by which a motion must be over that lasts `seconds` of the cell.
 
-        It includes `LINK_MARGIN_S`, seconds of the machine, for the link to the device.
+        A simulated cell may run faster than this machine's clock. `LINK_MARGIN_S`, in seconds of the machine,
+        is added for the link to the device.
         """
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 

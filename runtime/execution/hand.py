@@ -126,10 +126,11 @@ class Hand:
         planned angle up to whole turns, the nearest is chosen. Where the table's fingers close alike, an
         angle half a turn off the plan may be chosen instead, in two cases:
 
-        - the wrist cannot reach the planned angle, or only by more than half a turn;
-        - the hand stands in the outer half of the wrist's range, and reaches an angle half a turn off the
-          plan by turning away from the near end, with clearly less effort. The nearer the hand is to that
-          end, the less effort is a turn away from it, and the more effort a turn towards it.
+        - the wrist cannot reach the planned angle, or would turn by more than half a turn to reach it;
+        - the hand stands in the outer half of the wrist's range, and an angle half a turn off the plan, which
+          it reaches by turning away from the near end, costs clearly less. The cost of a turn is its angle,
+          weighted: the nearer the hand is to that end, the cheaper is a turn away from it, and the dearer is
+          a turn towards it.
 
         The choice holds for the rest of the part. If the cell's fingers do not close evenly, a part squeezed
         half a turn off the plan ends elsewhere than planned.

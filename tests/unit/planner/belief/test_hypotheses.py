@@ -1,4 +1,7 @@
-"""Beliefs over several parts: distances and modes agree with slow versions, squeezes with each part alone."""
+"""Beliefs over several parts: distances and modes agree with slow versions of both functions.
+
+Squeezes give the same results as with each part alone.
+"""
 
 import numpy as np
 import pytest

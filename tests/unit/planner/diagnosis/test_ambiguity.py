@@ -18,7 +18,10 @@ from planner.world import ContactWorlds
 
 @pytest.fixture(scope="module")
 def marked():
-    """The rectangle's job with order 1, as for a marked part: no squeeze distinguishes its half-turns."""
+    """The rectangle's job with symmetry order 1, as if its two ends had different marks.
+
+    Poses half a turn apart then count as different, but no squeeze distinguishes them.
+    """
     return job_file.load(JOB_PATH, {"part": {"symmetry": 1}})
 
 

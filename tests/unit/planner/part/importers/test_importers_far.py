@@ -1,4 +1,7 @@
-"""Drawings far from their origin are read as if they lay near it, and jobs accept their datum."""
+"""Drawings far from their origin are read as if they lay near it.
+
+The datum of such a drawing's job is a point of the part, since the drawing's origin is too far away.
+"""
 
 import math
 
