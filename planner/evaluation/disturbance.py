@@ -39,17 +39,17 @@ class Disturbance:
         spread = np.array([self.placement_mm, self.placement_mm, turn])
         return true_placements(placements + self.bias, traits, rng, spread)
 
-    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
+    def traits(self, job: Job, n: int, rng: np.random.Generator, contact: bool = True) -> Traits:
         """Draws the latent parameters of n parts in this cell.
 
         Args:
             job: states the parts.
             n: number of parts.
             rng: draws the hypothesis of each part and its latent parameters.
-            foreign: whether the cell's world is not a contact world. Such a world simulates errors of its
-                own. So only the hypotheses are drawn for it, unless `believed` adds the job's doubts.
+            contact: whether the cell's world is a contact world. Any other world simulates errors of its own.
+                So only the hypotheses are drawn for it, unless `believed` adds the job's doubts.
         """
-        if foreign and not self.believed:
+        if not (contact or self.believed):
             traits = hypotheses_of(job, n, rng)
         else:
             traits = traits_of(job, n, rng, with_doubts=self.believed)

@@ -230,7 +230,7 @@ class Cell:
                 powers of two.
         """
         poses, nodes = initial(self.job, parts, self.rng), np.zeros(parts, np.int64)
-        foreign = not is_contact(self.world)
+        contact = is_contact(self.world)
         nowhere = np.full((parts, self.program.table.limits.max_depth), NOWHERE, np.int64)
         result = Evaluation(
             self.program.table,
@@ -238,7 +238,7 @@ class Cell:
             squeezes=np.zeros(parts, np.int64),
             poses=poses.copy(),
             initial=poses,
-            traits=self.disturbance.traits(self.job, parts, self.rng, foreign=foreign),
+            traits=self.disturbance.traits(self.job, parts, self.rng, contact=contact),
             path=nowhere,
             reading=nowhere.copy(),
             branch=nowhere.copy(),

@@ -8,6 +8,7 @@ A layer is a step of the search that could be left out. The table shows what eac
 total (mean squeezes + 100 x the share of parts that are not located), the squeezes and the processor time
 rise without it, as the mean over all plans and the standard error of this mean. 20 000 parts that decided
 nothing judge a plan. Plans are kept one by one in `results/ablation.json`; what is kept is not planned again.
+The table is kept in `results/ablation.txt`.
 The seeds are not those by which `bench_planner.py` judges the planner.
 """
 
@@ -124,25 +125,28 @@ def planned(layer: str, part: str, seed: int) -> Plan:
     return Plan(layer, part, seed, *figures, round(process_time() - began_s, 2))
 
 
-def report(plans: list[Plan]) -> None:
-    """Prints what rises without each layer: mean and standard error of the differences of plans."""
+def report(plans: list[Plan]) -> str:
+    """What rises without each layer: mean of the differences of plans, and standard error of the mean."""
     whole = {(plan.part, plan.seed): plan for plan in plans if plan.without == NONE}
-    print(f"{'without':32} {'plans':>5}  {'total':>15}  {'squeezes':>15}  processor time")
-    for layer in LAYERS:
-        pairs = [
-            (plan, whole[plan.part, plan.seed])
-            for plan in plans
-            if plan.without == layer and (plan.part, plan.seed) in whole
-        ]
+    lines = [
+        f"{'without':16} {'plans':>5}  {'total':>14}  {'squeezes':>14}  {'seconds':>7}  the layer"
+    ]
+    for name, layer in LAYERS.items():
+        rows = [plan for plan in plans if plan.without == name]
+        pairs = [(row, whole[row.part, row.seed]) for row in rows if (row.part, row.seed) in whole]
         if len(pairs) < 2:
             continue
-        rises = [
-            [after.total - before.total for after, before in pairs],
-            [after.squeezes - before.squeezes for after, before in pairs],
-        ]
-        figures = [f"{fmean(rise):+.3f} ({stdev(rise) / len(rise) ** 0.5:.3f})" for rise in rises]
+        totals = [after.total - before.total for after, before in pairs]
+        squeezes = [after.squeezes - before.squeezes for after, before in pairs]
         share = sum(after.cpu_s for after, _ in pairs) / sum(before.cpu_s for _, before in pairs)
-        print(f"{layer:32} {len(pairs):5}  {figures[0]:>15}  {figures[1]:>15}  x {share:.2f}")
+        rises = f"{_with_error(totals):>14}  {_with_error(squeezes):>14}  {share - 1.0:>+7.0%}"
+        lines.append(f"{name:16} {len(pairs):5}  {rises}  {layer.buys}")
+    return "\n".join(lines) + "\n"
+
+
+def _with_error(rises: list[float]) -> str:
+    """Formats the mean of differences with the standard error of the mean."""
+    return f"{fmean(rises):+.3f} ({stdev(rises) / len(rises) ** 0.5:.3f})"
 
 
 def main() -> None:
@@ -162,7 +166,9 @@ def main() -> None:
                 rows = sorted(plans.values(), key=lambda plan: (plan.without, plan.part, plan.seed))
                 RESULTS.write_rows([asdict(row) for row in rows])
                 print(plans[case], flush=True)
-    report(list(plans.values()))
+    table = report(list(plans.values()))
+    RESULTS.path.with_suffix(".txt").write_text(table)
+    print(table, end="")
 
 
 if __name__ == "__main__":

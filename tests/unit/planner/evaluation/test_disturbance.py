@@ -43,19 +43,19 @@ def test_placed_hand_scatters_anew_in_every_squeeze_as_stated(job):
 
 
 @pytest.mark.parametrize(
-    ("cell", "foreign", "draw"),
+    ("cell", "contact", "draw"),
     [
-        (WITH_DOUBTS, True, traits_of),
-        (NONE, False, partial(traits_of, with_doubts=False)),
-        (NONE, True, hypotheses_of),
+        (WITH_DOUBTS, False, traits_of),
+        (NONE, True, partial(traits_of, with_doubts=False)),
+        (NONE, False, hypotheses_of),
     ],
 )
-def test_traits_are_the_latent_parameters_plus_the_stated_errors(job, cell, foreign, draw):
+def test_traits_are_the_latent_parameters_plus_the_stated_errors(job, cell, contact, draw):
     job = job.replaced(doubt={"middle_mm": [0.2, 0.6]})
     expected = draw(job, 300, np.random.default_rng(3))
     expected["encoder_mm"] += 0.4
     expected["across_mm"] -= 0.3
     off = replace(cell, encoder_offset_mm=0.4, across_mm=-0.3)
-    traits = off.traits(job, 300, np.random.default_rng(3), foreign=foreign)
+    traits = off.traits(job, 300, np.random.default_rng(3), contact=contact)
     for name in expected.dtype.names:
         np.testing.assert_allclose(traits[name], expected[name])
