@@ -25,7 +25,7 @@ DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}
 class Finding(NamedTuple):
     """Posterior mean and 90 % interval of one quantity, in the form of the JSON output.
 
-    For `least_dof` the numbers are natural logarithms. For `pressure`, `mean` and `low_5` are both the
+    For `least_dof` the mean is the geometric one. For `pressure`, `mean` and `low_5` are both the
     probability of the job's limit surface, and `high_95` is the greatest probability of any surface.
     """
 
@@ -50,6 +50,8 @@ def _finding(quantity: Quantity, posterior: Posterior, job: Job) -> Finding:
     sorted_pair = "finger_part" in quantity.key
     prior = (quantity.high - quantity.low) / np.sqrt(18.0 if sorted_pair else 12.0)
     learned = bool(spread < LEARNED * prior)
+    if quantity.key == "least_dof":
+        mean, low, high = np.exp([mean, low, high]).tolist()
     sentence = f"the journals do not tell {NAMES[quantity.key]}; what the job says stays"
     if learned:
         sentence = _sentence(quantity.key, mean, low, high, job)
@@ -77,9 +79,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
     if key == "encoder_gain":
         return f"widths read {100.0 * mean:+.2f} +- {100.0 * half:.2f} % too much"
     if key == "least_dof":
-        ends = f"{np.exp(low):.0f} to {np.exp(high):.0f}"
         dof = job.pressure.wishart_dof
-        return f"friction with the table scatters by {ends} degrees of freedom, not {dof}"
+        return f"friction with the table scatters by {low:.0f} to {high:.0f} degrees of freedom, not {dof}"
     name = "least" if key == "finger_part_min" else "greatest"
     believed = getattr(job.friction, key)
     agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
@@ -126,7 +127,7 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
         if key in record
     }
     if "least_dof" in record:
-        doubt["least_dof"] = max(3, int(np.exp(record["least_dof"].low_5)))
+        doubt["least_dof"] = max(3, int(record["least_dof"].low_5))
     sections: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
     if "pressure" in record:
         sections["pressure"], doubt["pressure"] = _pressure(posterior, cells)
