@@ -86,7 +86,7 @@ def _bars(
 
 
 def label_of(percent: float) -> str:
-    """Formats a percentage with one decimal; exactly 100 is "100", and from 99.95 below 100 it is "<100"."""
+    """Formats a percentage with one decimal; 100 becomes "100", and 99.95 to below 100 becomes "<100"."""
     if percent == 100.0:
         return "100"
     return "<100" if percent >= 99.95 else f"{percent:.1f}"

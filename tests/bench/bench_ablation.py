@@ -4,12 +4,14 @@
     python tests/bench/bench_ablation.py --layer splits --only rectangle
     python tests/bench/bench_ablation.py --report                        only print what is kept
 
-A layer is a step of the search that could be left out. The table shows what each layer buys: how much the
-total (mean squeezes + 100 x the share of parts that are not located), the squeezes and the processor time
-rise without it, as the mean over all plans and the standard error of this mean. 20 000 parts that decided
-nothing judge a plan. Plans are kept one by one in `results/ablation.json`; what is kept is not planned again.
-The table is kept in `results/ablation.txt`.
-The seeds are not those by which `bench_planner.py` judges the planner.
+A layer is a step of the search that could be left out. The table shows what each layer buys. Without the
+layer, the squeezes and the total (mean squeezes + 100 x the share of parts that are not located) rise by the
+stated mean over all plans; its standard error is in brackets. The processor time rises by the stated
+percentage. The table is kept in `results/ablation.txt`.
+
+Each plan is judged by 20 000 parts that were not used in planning. It is kept in `results/ablation.json` as
+soon as it is made; plans that are kept are not made again. The seeds are not those by which
+`bench_planner.py` judges the planner.
 """
 
 from contextlib import nullcontext
@@ -39,7 +41,7 @@ NONE = "none"  # the name of the complete search
 
 
 class Layer(NamedTuple):
-    """A layer of the search, and what takes the place of an attribute where it is switched off."""
+    """A layer of the search. To switch it off, `replacement` takes the place of an attribute of `owner`."""
 
     buys: str  # what the search does with the layer
     owner: object
@@ -126,7 +128,7 @@ def planned(layer: str, part: str, seed: int) -> Plan:
 
 
 def report(plans: list[Plan]) -> str:
-    """What rises without each layer: mean of the differences of plans, and standard error of the mean."""
+    """The table: for each layer, how much total, squeezes and processor time rise without the layer."""
     whole = {(plan.part, plan.seed): plan for plan in plans if plan.without == NONE}
     lines = [
         f"{'without':16} {'plans':>5}  {'total':>14}  {'squeezes':>14}  {'seconds':>7}  the layer"

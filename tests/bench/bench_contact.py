@@ -233,10 +233,10 @@ def squeezed(path: Path) -> dict[str, Array]:
 
 
 def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
-    """Compares where parts end with the pressures `area` and `quartic`, and with the pressure `rim`.
+    """Compares where squeezed parts end under the pressures `area` and `quartic`, and under `rim`.
 
-    Returns the share of parts that end elsewhere than with `rim`, for each of the other two; and with `rim`,
-    the number of parts that are moved, and their median displacement. Other parts are left out.
+    Only parts that move under `rim` count. Returns their number, their median displacement under `rim`, and
+    for each of the other two pressures the share of them that ends elsewhere than under `rim`.
     """
     moved = {load: np.concatenate([each[load] for each in all_moved]) for load in LOADS}
     touched = moved["rim"].any(axis=1)
@@ -307,10 +307,10 @@ def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str
 
 
 def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArray:
-    """Mask (S, n, 3): whether measured x, y and angle lie in central intervals of random pushes.
+    """Mask (S, n, 3): whether measured x, y and angle lie in central intervals of simulated pushes.
 
-    Every `EVERY`-th recorded push is drawn `DRAWS` times, with the scatter that the job states. The S
-    intervals hold the shares `SHARES` of these draws.
+    Every `EVERY`-th recorded push is simulated `DRAWS` times, with the scatter that the job states. Its S
+    central intervals hold the shares `SHARES` of the results.
     """
     rows = np.arange(0, len(pushes.moved), EVERY)
     many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))

@@ -294,8 +294,9 @@ def turn(angle: float) -> Array:
 def runs(folder: Path) -> dict[str, Any]:
     """Computes the robot's pushes at several frictions; returns two shares of pushes for each friction.
 
-    The first share is of pushes that end near the measured pose. The second also counts a push that ends no
-    farther from the mean measured pose of its group than the farthest measured pose does.
+    The first is the share of pushes whose computed pose is near the measured pose. A group of pushes also has
+    a mean measured pose. The second share also counts each push whose computed pose is no farther from this
+    mean than the farthest measured pose of the group.
     """
     groups: defaultdict[str, list[Push]] = defaultdict(list)
     for push in pushes(folder):

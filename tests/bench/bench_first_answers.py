@@ -2,10 +2,10 @@
 
     python tests/bench/bench_first_answers.py [--sample 60] [--seed 50] [--budget 60s]
 
-Each outline is written as CSV and tried as by a user, in a separate process. Four things are checked: the
-command ends with exit code 0 and a verdict; it ends within the budget and `SPARE_S` seconds more, for all
-that is not search; the shares of its answer add up to 1; the verdict, the weakest world and the conditions do
-not contradict each other.
+Each outline is written as CSV and tried as by a user, in a separate process. The command must end with exit
+code 0 and a verdict, at most `SPARE_S` seconds after the budget of its search. The shares in its answer must
+add up to 1, and the success rate must lie in its interval. The sentence must name the weakest world, and
+there must be conditions exactly if this world has many wrong answers. The answer must have no notes.
 
 Answers are kept line by line in the file `--results`; a second start continues after them. Figures go to
 `results/first_answers.json` beside this file: names and figures, no outlines. If the packages that the

@@ -2,10 +2,11 @@
 
     python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
 
-Each case is a job of `trees/`, with proposals, in its own jaws or in narrower ones. It is planned with pushes
-and without, each with several seeds. Prints the cell's squeezes, seconds and success, the crashes of an open
-finger, and the processor time of planning. Writes `results/push_actions.json` beside this file; cases that
-are not named stay in it. Not part of `tools/check`.
+Each case is a job of `trees/`: as it is, or with jaws that open only 50 mm and another disc of initial
+positions. It is planned with pushes and without, each with several seeds; in both, nodes may squeeze at grasp
+poses derived from their belief (`actions.proposals`). Prints the cell's squeezes, seconds and success, the
+crashes of an open finger, and the processor time of planning. Writes `results/push_actions.json` beside this
+file; cases that are not named stay in it. Not part of `tools/check`.
 """
 
 import time

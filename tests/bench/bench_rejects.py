@@ -31,7 +31,7 @@ def random_widths(program, rng, first_by_plan):
     """Share of runs that end in a resolved leaf if their widths are drawn at random.
 
     The object flag of each reading is set. With `first_by_plan`, the first branch of each run is drawn by its
-    planned probability, and a run that ends at this branch counts only in the total.
+    planned probability; a run that ends at this branch does not count as one that ends in a resolved leaf.
     """
     table, gripper = program.table, program.table.gripper
     node, answered = np.zeros(RUNS, np.int64), 0
@@ -50,7 +50,7 @@ def random_widths(program, rng, first_by_plan):
 
 
 def others(job):
-    """Yields outlines (n, 2) that differ from the job's, each after its name."""
+    """Yields names and outlines (n, 2) of parts that differ from the job's part."""
     outline = np.asarray(job.part.outline_mm)
     for name, scale in SCALES.items():
         yield name, outline * scale

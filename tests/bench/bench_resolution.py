@@ -35,7 +35,7 @@ KEPT = ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
 
 
 def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
-    """Yields randomly drawn outlines of the zoo: name, gripper, and a function that plans and judges them."""
+    """Draws outlines of the zoo; yields name, gripper, and a function that makes and judges the plan."""
     known = zoo_sources.outlines()
     names = sorted(name for name in known if not zoo_sources.kept_aside(name))
     base = job_file.load(TREES / "ratchet" / "job.toml")

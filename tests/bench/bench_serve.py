@@ -6,8 +6,9 @@ The same simulated parts are located twice, in the planner's contact world. Firs
 robot. Then the client of tools/docs/clients/robot.py moves it, and asks a server in another process. Ends
 with 1 if an answer differs.
 
-The executor may turn the plan to the angle of the hand, and closes fast until just before the part. A server
-does neither. Therefore the table has no job and no widths of first contact here.
+An executor, unlike a server, may squeeze with the hand turned by 180 degrees if the table's job says that
+both fingers close equally far. It also closes fast until just before the width of first contact. So that the
+two can be compared, the table here has neither a job nor widths of first contact.
 """
 
 import sys

@@ -107,7 +107,7 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
 
 
 def goldberg() -> Row:
-    """Squeezes random convex polygons without friction; counts ends at a local minimum of the width."""
+    """Squeezes random convex polygons without friction; counts those that end at a local minimum of width."""
     polygons, poses, ended, held = 200, 10, 0, 0
     for seed in range(polygons):
         rng = np.random.default_rng(seed)

@@ -175,7 +175,7 @@ def add(body: Any, shape: Any, at: Array, angle: float, mu: float) -> None:
 
 
 def bench(part: str, squeezes: int) -> dict[str, Any]:
-    """Squeezes a part at random poses in the three worlds; counts squeezes that end alike in two."""
+    """Squeezes a part at random poses in the three worlds; counts the squeezes on which worlds agree."""
     job = job_file.load(second.TREES / part / "job.toml")
     rng = np.random.default_rng(second.SEED)
     mu = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)

@@ -79,7 +79,7 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
     The bound assumes that a reading depends on earlier readings by its node alone. A chart with one false
     alarm in `RARE` healthy parts raises one within `WITHIN` of them with a probability of at most `WITHIN /
     RARE`. Of all tests with this probability of a false alarm, the likelihood ratio detects a change most
-    often (Neyman and Pearson 1933). It even knows when the friction changed, and to what.
+    often (Neyman and Pearson 1933). Unlike a chart, it knows when the friction changed, and to what.
 
     Args:
         gain: (nodes, bins) logarithm of how much likelier each reading is after the change.

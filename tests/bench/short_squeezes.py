@@ -79,7 +79,10 @@ MEASURES = (CONTACT, OPENING, REGRASP, RADIUS, SHORT_WAY, *OFF)
 
 
 def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tuple[float, float]]:
-    """Runs parts without some measures; returns measured and modelled seconds of all but the first."""
+    """Runs parts without some measures; returns the measured and the modelled seconds of each part.
+
+    The first part is left out, since it begins wherever the arm stood.
+    """
     if CONTACT in without:
         table = replace(table, nodes=tuple(node._replace(contact_um=None) for node in table.nodes))
     if OPENING in without:

@@ -246,7 +246,7 @@ def test_decision_map_width_beyond_margin_ends_at_no_leaf(plan):
 def test_committed_table_wrong_answers_in_standard_worlds_are_within_goal():
     """In each standard world, the share of wrong answers is at most 1 - `goal.confidence`.
 
-    More precisely, the lower end of its 95 % interval is. A tighter limit would fail by chance: with the
+    The lower end of the share's 95 % interval is compared. A tighter limit would fail by chance: with the
     encoder 1 mm off, two plans of one job differ by 0.9 %. The world of 10 degrees of freedom is left out.
     """
     doubting = job_file.load(JOB)

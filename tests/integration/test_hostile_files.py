@@ -40,7 +40,7 @@ class Command(NamedTuple):
 
     Attributes:
         module: the module with its `main`.
-        suffix: the suffix of {out}.
+        suffix: suffix of the output file.
         words: its arguments; names of `READ` in braces are files that it reads, {out} is the file that it
             writes, {json} and {svg} are {out} with another suffix, {folder} is the folder of {out}.
     """

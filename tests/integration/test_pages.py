@@ -21,7 +21,7 @@ TIMED = re.compile(rf"^(?:({SAID})|limit).*")
 
 @pytest.mark.slow
 def test_readme_commands_print_shown_output(work, environment):
-    """Scripts are left out: `tools/demo` runs the same commands, and `tools/check` runs this test.
+    """The page's call of `tools/demo` is left out: this script runs the page's next commands itself.
 
     What `squeezetree try` answers within its budget depends on the machine, so that its numbers are not
     compared.

@@ -29,7 +29,7 @@ def within(plan):
 
 
 def singleton_share(plan):
-    """Share of parts at leaves whose belief the learned models take for a single pose."""
+    """Share of parts at leaves whose singleton ratio, by the learned models, is above the paper's r_s."""
     leaves = [node for node in breadth_first(plan.root) if not node.children]
     standing = sum(leaf.share for leaf in leaves)  # branches that no trial took are cut off
     return sum(leaf.share for leaf in leaves if leaf.mode.ratio > SINGLETON_SHARE) / standing

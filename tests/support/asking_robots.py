@@ -123,7 +123,10 @@ class Results(Console):
 def driven(
     setting: Setting, seed: int, table: Table, count: int, journal: Journal
 ) -> list[dict[str, object]]:
-    """Runs `count` parts with the executor in a simulated cell; returns what `Results` collects of them."""
+    """Runs `count` parts with the executor in a simulated cell.
+
+    Returns outcome, leaf and readings of each part, as `Results` collects them.
+    """
     cell, result = VirtualCell(setting, seed), Results()
     devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
     run_journalled(table, devices, result, RunOptions(activate=True, count=count))

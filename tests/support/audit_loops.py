@@ -33,7 +33,10 @@ class Judged(NamedTuple):
 
 
 def mixed(table: Table) -> Table:
-    """Returns the table with its leaves' poses moved by `OFF_MM`: some then state a wrong pose."""
+    """Returns the table with each leaf's pose moved by its distance in `OFF_MM`.
+
+    A distance of 0 leaves a pose unchanged; one of more than the goal makes it wrong.
+    """
     leaves = []
     for number, leaf in enumerate(table.leaves):
         off_um, bearing = 1e3 * OFF_MM[number % len(OFF_MM)], 2.4 * number

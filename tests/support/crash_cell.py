@@ -52,7 +52,7 @@ class Life:
 
     @contextmanager
     def moments(self) -> Iterator[None]:
-        """Lets a moment pass before the body of the `with`, and one after it."""
+        """Context with two moments at which the process may be killed: one before its body, one after it."""
         self.moment_passes()
         yield
         self.moment_passes()
@@ -163,7 +163,7 @@ def _near(at_mm: tuple[float, ...], place: Pose2) -> bool:
 
 
 class CountedLink:
-    """A link to the gripper's register blocks; a moment passes before and after each frame."""
+    """A link to the gripper's register blocks; the process may be killed before and after each frame."""
 
     endpoint = "memory"
 
@@ -185,7 +185,7 @@ class CountedLink:
 
 
 class CountedArm:
-    """The arm's driver; a moment passes before and after each command."""
+    """The arm's driver; the process may be killed before and after it moves the arm or reads its pose."""
 
     def __init__(self, world: World, life: Life) -> None:
         self._world, self._life = world, life
@@ -212,7 +212,7 @@ class CountedArm:
 
 
 class CountedJournal(Journal):
-    """A journal; a moment passes before, in the middle of, and after each write."""
+    """A journal; the process may be killed before a write, in the middle of it, and after it."""
 
     def __init__(self, path: Path, world: World, life: Life) -> None:
         self._life = life

@@ -44,7 +44,10 @@ class Call(NamedTuple):
 
 @dataclass
 class Log:
-    """The calls of all fake devices, in order; the call with number `fail_at` only raises `error`."""
+    """The calls of all fake devices, in order.
+
+    The call with number `fail_at` raises `error` and has no other effect.
+    """
 
     fail_at: int = -1
     error: BaseException | None = None
@@ -110,7 +113,7 @@ class FakeGripper:
 
 
 class FakeArm:
-    """An arm that stands where its last motion led, or `off_mm` beside that place along x."""
+    """An arm that reports the target of its last motion as its pose, shifted by `off_mm` along x."""
 
     def __init__(self, log: Log) -> None:
         self.log = log

@@ -115,8 +115,9 @@ def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
 
 
 def _cut(data: bytes, size: int) -> list[bytes]:
-    """Cuts bytes into pieces of `size` modulo 32 bytes, as a port may deliver them; 0: a single piece.
+    """Cuts bytes into pieces, as a port may deliver them.
 
+    A piece has as many bytes as the remainder of `size` / 32; if the remainder is 0, there is one piece.
     If that would give more than `MAX_PIECES` pieces, the pieces are longer.
     """
     step = max(size % 32 or len(data), -(-len(data) // MAX_PIECES), 1)
@@ -130,7 +131,7 @@ def _reply_length(head: bytes) -> int | None:
 def _frames(data: bytes, length_of) -> list[bytes]:
     """Returns all frames of slave 9 with the right CRC that begin anywhere in the bytes.
 
-    `length_of` returns the length of the frame with which some bytes begin; 0 or None if there is none.
+    `length_of` takes bytes that begin with a frame and returns the frame's length; 0 or None: unknown.
     """
     results = []
     for at in range(len(data)):

@@ -80,8 +80,8 @@ def judge(depth: str, data: bytes) -> str:
     """Reads a mutant; returns "refused", "unchanged" (the mutation had no effect) or "another table".
 
     Raises:
-        AssertionError: the mutation had an effect, but the mutant is read as a table, although its depth is
-            "file", or although this table is written as other bytes.
+        AssertionError: the mutant is read as a table, although it was damaged without a new digest (depth
+            "file"), or although the file of this table has other bytes.
     """
     try:
         table = loads(data)

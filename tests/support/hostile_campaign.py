@@ -53,9 +53,9 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
 
 
 def _counted(bench: Bench, device: str) -> list[Row]:
-    """Repeats a run without a fault until two runs end well; returns the rows of calls to a device.
+    """Repeats a run without a fault until two runs end well; counts the calls to a device in both.
 
-    Only rows and calls that both runs have are returned.
+    Returns the rows (see `Row`) that both runs have, each with the lesser of its two numbers of calls.
 
     Raises:
         RuntimeError: too many of the runs end badly.

@@ -12,9 +12,11 @@ device is in one of these modes:
 
 The run has to end `SPARE_S` after its deadline at the latest, with a documented exit code. Arm and fingers
 have to be at rest, and the arm up if its state was known. The journal has to contain the outcome of the part
-and the end of the run. `hostile_campaign` tries random cases, or every call of a run. The OmniCore controller
-is not part of the cell: its arm moves nothing there. Only a run that starts its own cell uses scene and
-camera. To test these two, `run_on_cell` lets such a run use a cell that is already running.
+and the end of the run. `hostile_campaign` tries random cases, or every call of a run.
+
+The OmniCore controller is not part of the cell: when its arm moves, the hand in the cell does not. A run uses
+scene and camera only if it starts its own cell (`--port sim`). To test these two devices, `run_on_cell` gives
+such a run a cell that is already running, instead of a new one.
 """
 
 import contextlib
@@ -107,7 +109,7 @@ class End(NamedTuple):
 
     Attributes:
         code: exit code, or "hangs".
-        took_s: time from the change of the device to the end [s].
+        took_s: time from the moment at which the device begins to fail to the end of the run [s].
         wrong: a sentence for each violation, except for lateness, which the machine's load may cause.
         late: a sentence if the run ended too late; empty if it ended in time.
         reached: whether the run reached the call of the case.

@@ -1,4 +1,7 @@
-"""Functions for worker processes that tests start and kill; without kernels the processes start at once."""
+"""Functions for worker processes that tests start and kill.
+
+The module imports no compiled kernels, so that the processes start quickly.
+"""
 
 import os
 import time

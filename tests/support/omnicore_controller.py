@@ -31,7 +31,7 @@ NUMBERS = {"sq_speed": "20", "sq_turn": "10", "sq_request": "0", "sq_started": "
 
 
 class RefusedError(Exception):
-    """Raised where the controller refuses a request; `status` is that of its answer."""
+    """Raised where the controller refuses a request; `status` is the HTTP status of the answer."""
 
     def __init__(self, status: HTTPStatus, reason: str) -> None:
         super().__init__(reason)
@@ -215,9 +215,9 @@ class RwsServer(LibraryServer):
         super().close()
 
     def silent(self) -> bool:
-        """Counts a request; returns whether the server is mute, and must not answer the request.
+        """Counts a request; returns True if the request must stay without an answer, else False.
 
-        A mute server returns only when it stops.
+        On a mute server, the call waits until the server is closed, and only then returns True.
         """
         self.requests += 1
         return self.mute and self._stopped.wait()

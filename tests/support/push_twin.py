@@ -1,9 +1,9 @@
 """A second push simulator: slow, simple, and independent of the kernels.
 
-It integrates the part's velocity over the share of the path that is done. At every pose shapely finds where
-the pusher's points, or its round tips, touch the part or nearly do. The velocity is that of a consistent mode
-of these contacts, as in `twin`. It is meant for convex polygons of few vertices, and shares no code with
-`planner.mechanics`.
+It integrates the part's velocity from the start of the pusher's path to its end. At every pose shapely finds
+where the pusher's points, or its round tips, touch the part or nearly do. The velocity is that of a
+consistent mode of these contacts, as in `twin`. The simulator is meant for convex polygons of few vertices,
+and shares no code with `planner.mechanics`.
 """
 
 import math

@@ -32,11 +32,11 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A call and the polls after it, which repeat earlier requests in a cycle.
+    """A call with a new request, and the polls after it: calls that repeat earlier requests in turn.
 
     Attributes:
         calls: number of calls in the row, the first included.
-        cycle: number of calls in a cycle.
+        cycle: number of requests that the polls repeat in turn.
     """
 
     calls: int

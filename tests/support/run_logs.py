@@ -11,8 +11,8 @@ STAMP = "2026-01-02T03:04:05.000Z"
 def chained(entries, stamp=STAMP):
     """Returns the bytes of a journal with these entries, chained by digests.
 
-    An entry without a time gets `stamp`. Each entry gets a new number; a number that is not an integer is
-    kept, however.
+    An entry without a time gets `stamp`. The entries are numbered from 0, but an entry whose `seq` is not
+    an integer keeps this `seq`.
     """
     previous, lines = GENESIS, []
     for number, entry in enumerate(entries):

@@ -14,9 +14,9 @@ CALIBRATE = (sys.executable, "-c", "import sys, runtime.cli as cli; sys.exit(cli
 
 
 class RunningCell(Closing):
-    """`grasp-cell` as a process, in the world of the rehearsal and faster than real time.
+    """`grasp-cell` as a process, faster than real time; its widths are drawn from the table's statistics.
 
-    With seed 0 the first part takes both squeezes of the small table.
+    The seed is 0, with which the first part takes both squeezes of the small table.
 
     Attributes:
         endpoints: the addresses of the cell's devices, by name.

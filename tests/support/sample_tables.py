@@ -73,7 +73,7 @@ def two_squeeze_table() -> Table:
 def table_for(model: str) -> Table:
     """Returns the small table for a gripper model.
 
-    The gripper opens fully, and presses with 40 N or, if that is more, with its least force.
+    The gripper opens fully. It presses with 40 N, or with its least force if this is above 40 N.
     """
     table, profile = small_table(), profile_of(model)
     force_mn = round(1000 * max(40.0, profile.force_n[0]))

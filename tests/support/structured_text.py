@@ -124,7 +124,7 @@ class FunctionBlock:
         return any(map(self._left, statements.statements if statements else ()))
 
     def _left(self, statement: Any) -> bool:
-        """Executes a statement; returns whether EXIT ends the list of statements that contains it."""
+        """Executes a statement; returns whether it is an EXIT, or an IF in which an EXIT was executed."""
         if isinstance(statement, st.ExitStatement):
             return True
         if isinstance(statement, st.IfStatement):

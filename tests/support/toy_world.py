@@ -26,7 +26,7 @@ class Toy:
 
     @classmethod
     def drawn(cls, rng, actions, size, readings):
-        """Draws a random world of `size` poses, with readings below `readings`."""
+        """Draws a random world of `size` poses, whose readings are integers from 0 to `readings - 1`."""
         return cls(*(rng.integers(most, size=(actions, size)) for most in (size, readings)))
 
     def squeeze(self, parts, placements, rng):
@@ -47,8 +47,8 @@ class Toy:
 
         Each plan is applied to as many parts as there are poses, one at each pose. The result counts all
         their squeezes, and those parts that are not located. A plan states a pose only if this locates at
-        least a share `least_share` of the parts with the same readings. If `granted`, a plan may squeeze
-        each part that is left after the last squeeze once more, and locates it by that.
+        least a share `least_share` of the parts with the same readings. If `granted`, a plan may
+        give the parts that are left after the last squeeze one more squeeze each, which locates them.
         """
 
         @cache

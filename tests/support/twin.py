@@ -148,7 +148,7 @@ def _corner_contacts(
 ) -> list[tuple[float, ...]]:
     """Returns the contacts of an inner corner of a finger with edges of the part, in the form of `_contacts`.
 
-    An edge is left out if it would press on the corner in a direction out of the finger.
+    An edge is left out if its force on the corner would point out of the finger.
     """
     results: list[tuple[float, ...]] = []
     for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
