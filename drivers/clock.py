@@ -77,8 +77,9 @@ class Pace:
     def looks(self, deadline: float) -> Iterator[float]:
         """Yields the wall seconds until the deadline, once for each read by the caller.
 
-        A read is late if it begins at the deadline or after it. The last of `LATE_LOOKS` late reads ends the
-        iteration. Late reads receive data that arrived in time while this process was stopped.
+        A read is late if it begins at the deadline or after it; the yielded number is then 0 or negative. The
+        iteration ends after `LATE_LOOKS` late reads. They receive data that arrived in time, but was not read
+        because this process was stopped.
         """
         late = 0
         while late < LATE_LOOKS:

@@ -4,7 +4,7 @@ Ports of grippers:
 
 - a tty path: a Robotiq gripper over Modbus RTU, 115200 8N1, slave 9
 - `rtu+tcp://host:port`: the same RTU frames over a raw TCP port
-- `tcp://host:port`: Modbus TCP, unit 2, or as settings such as `?unit=9` say (`drivers.robotiq.modbus`)
+- `tcp://host:port`: Modbus TCP, unit 2; settings such as `?unit=9` change this (`drivers.robotiq.modbus`)
 - `urcap://host`: the text socket of Robotiq's URCap on a UR controller
 - `can:channel`: CANopen (`drivers.robotiq.canopen`)
 - `dh:///dev/...`: DH-Robotics (drivers/dh/README.md)
@@ -105,7 +105,9 @@ def gripper(
 
 
 def scan(port: str) -> Iterator[Answered]:
-    """Yields slave id and baud rate of each device that answers on a serial port; reads only.
+    """Yields slave id and baud rate of each Modbus device that answers on a serial port; reads only.
+
+    Asks only with the settings that a Robotiq gripper may have (`drivers.robotiq.modbus.scan`).
 
     Raises:
         PortError: the port cannot be opened.

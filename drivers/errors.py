@@ -26,7 +26,10 @@ def shown(sent: object) -> str:
 
 
 def read_late(late_s: float) -> str:
-    """Returns the end of a sentence that names a device: its answer was read `late_s` too late, and why."""
+    """Returns the words that follow a device's name in the message about a late read.
+
+    They say that the device answered, that this process read the answer `late_s` too late, and what to do.
+    """
     return (
         f"answered, but this process was stopped or starved and read it {late_s:.1f} s too late; "
         "take load off this machine"

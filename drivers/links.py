@@ -52,7 +52,10 @@ class StreamLink(ReportingLink):
         self._late_s = 0.0  # how much too late the last answer was read
 
     def close(self) -> None:
-        """Disconnects, and moves nothing; over Modbus TCP the device then stops itself ([M200] p66)."""
+        """Disconnects, and commands nothing.
+
+        A Robotiq gripper on Modbus TCP stops its fingers when the connection closes ([M200] p66).
+        """
         self._stream.close()
         self._lost = self._lost or "it was closed"
 

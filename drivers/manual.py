@@ -1,8 +1,8 @@
 """A person in place of a device: gets instructions on standard error, answers on standard input.
 
-As an arm, `manual` has a person move the hand of an arm, or a gripper without an arm. With `manual+ADDRESS`,
-a simulated arm follows the person's motions, so that the simulated gripper meets the simulated part. As a
-gripper, `manual` has a person close calipers and type the width.
+As an arm, `manual` asks a person to move the hand of an arm, or a gripper that no arm carries. With
+`manual+ADDRESS`, a simulated arm follows the person's motions, so that the simulated gripper meets the
+simulated part. As a gripper, `manual` asks a person to close calipers on the part, and to type the width.
 """
 
 import math

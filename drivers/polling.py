@@ -48,9 +48,10 @@ class ReadOnlyLink:
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
-    """Base class of drivers that poll a gripper; a subclass for each make knows its registers.
+    """Base class of drivers that poll a gripper.
 
-    Every wait has a deadline, and every write whose answer was lost is reported.
+    Each make of gripper has a subclass with the methods that know the registers. Every wait has a deadline,
+    and every write whose answer was lost is reported.
 
     Args:
         link: connection to the device; it is closed with the gripper, and also if the first reading fails.
@@ -250,7 +251,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
 
 def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
-    """Greatest setting of a device that stands for at most `value`; `first` if there is none.
+    """Returns the greatest setting whose value does not exceed `value`, or else the least setting.
 
     Args:
         value: the value, in the unit of `ends`.

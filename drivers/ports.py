@@ -11,8 +11,8 @@ Rules that a type cannot express:
   request is repeated; after a silence that leaves the state unknown, every further motion is refused.
 - `wait` returns a reading that belongs to the last `move` and to no earlier one, or raises.
 - `close` moves nothing.
-- A device opened with `read_only` sends no command: commands are refused in the lowest layer that
-  distinguishes them from questions, with `drivers.errors.ReadOnlyError`.
+- A driver opened with `read_only` sends no command: the lowest of its layers that distinguishes commands from
+  reads refuses each command with a `drivers.errors.ReadOnlyError`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -172,7 +172,7 @@ class Gripper(Protocol):
         """
 
     def activate(self) -> None:
-        """Makes the gripper ready to move, if needed; the fingers may sweep.
+        """Makes the gripper ready to move; if it was not, the fingers may move over their whole stroke.
 
         Raises:
             GripperFault: the gripper cannot be made ready.

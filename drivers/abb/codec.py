@@ -152,7 +152,7 @@ def parse_reply(text: str, code: int) -> Reply | None:
 
 
 def drop_stale(text: str, code: int) -> str:
-    """Returns `text` without complete acknowledgements of other codes at its start.
+    """Removes complete acknowledgements of other codes from the start of `text`; returns the rest.
 
     A server whose client vanished during a move sends that move's acknowledgement to the next client.
     """

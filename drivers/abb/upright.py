@@ -49,7 +49,9 @@ class Motion(NamedTuple):
 
 
 class UprightArm(ABC):
-    """Base class of arms whose hand points down; a subclass for each make reads and moves the arm.
+    """Base class of drivers for arms whose hand points down.
+
+    Each make of arm has a subclass with the methods that read and move the arm.
 
     Args:
         endpoint: address of the arm as the user named it.

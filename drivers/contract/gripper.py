@@ -94,7 +94,7 @@ class GripperContract:
             assert settled.seconds > 0.0
 
     def test_wait_on_a_part_returns_its_width(self, rig: GripperRig) -> None:
-        """With a part, `wait` returns the width at which the jaws met it, and the state CLOSING."""
+        """With a part, `wait` reports the width of contact, and that an object stopped the closing jaws."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()

@@ -1,7 +1,7 @@
 """Link to a Robotiq gripper over CANopen: the register blocks are two objects, transferred byte by byte.
 
 UNVERIFIED. Robotiq publishes no object dictionary, PDO map or bitrate for a 2F gripper. The map here is
-inferred from the one public client of the same family, for the 3-Finger gripper (ros-industrial/robotiq,
+inferred from the only public client for a gripper of the same family, the 3-Finger (ros-industrial/robotiq,
 `robotiq_3f_gripper_can_client.cpp`): node 11, object 0x2200 takes the output bytes and 0x2000 gives the input
 bytes, sub-index = byte + 1, expedited SDOs, no PDOs. Every number of this map is a setting of the port:
 

@@ -140,7 +140,9 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
 
 
 def scan(path: str) -> Iterator[Answered]:
-    """Yields the devices that answer on a tty: tries slave ids and baud rates, the usual ones first.
+    """Yields the devices that answer on a tty; a refusal is an answer, too.
+
+    Asks slave ids 1 to 16 at each baud rate of a 2F, the usual ones first, without parity.
 
     Raises:
         PortError: the port cannot be opened.

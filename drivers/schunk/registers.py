@@ -1,8 +1,8 @@
 """The parameters of a SCHUNK EGU or EGK as data, its control and status bits, and its codes.
 
-A parameter is read and written as a whole. The address of its first register is its code less one; its bytes
-are little-endian, unlike Modbus. `plc_sync_input` and `plc_sync_output` are what a fieldbus would exchange
-cyclically.
+A parameter is read and written as a whole. The address of its first register is the parameter's code minus 1.
+Its elements are little-endian, unlike Modbus registers. `plc_sync_input` and `plc_sync_output` are what a
+fieldbus would exchange cyclically.
 
 Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the manual of the EGU with
 PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the section

@@ -166,7 +166,7 @@ class Desk:
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:
-        """Counts one more event of a channel, and notes the faults that begin with it in `met`."""
+        """Counts one more event of a channel; appends to `met` the names of the faults that begin with it."""
         self._events[channel] += 1
         self.met += [fault.kind for fault in self.beginning(channel)]
 

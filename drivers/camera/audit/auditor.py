@@ -56,7 +56,7 @@ class Answer:
 def judge(
     goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
 ) -> Answer:
-    """Judges whether a measured pose is within the goal, compared with the nearest of the predicted poses.
+    """Judges whether a measured pose is within the goal about the nearest of the predicted poses.
 
     Args:
         goal: goal of the table.
@@ -66,8 +66,9 @@ def judge(
         sigma_rad: standard deviation of the measured angle.
 
     Returns:
-        The answer. Its verdict is "unknown" if the goal asks only which part it is, or if the distance of the
-        poses is within `COVERAGE` standard deviations of the goal's limit; otherwise it is "pass" or "fail".
+        The answer, with the verdict "pass", "fail" or "unknown". The verdict is "unknown" for a goal of kind
+        "identity", which asks for no pose, and if the distance of the poses is within `COVERAGE` standard
+        deviations of the goal's limit.
     """
     if goal.kind == "identity":
         return Answer(
@@ -109,10 +110,10 @@ class Auditor:
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Takes a picture and judges one part.
 
-        The verdict is "fail" if the tag of another part of the table is seen. For a goal of kind "identity"
-        it is "pass" if the tag of the named part is seen. For other goals, `judge` compares the poses. The
-        verdict is "unknown", with a reason, if the named part has no tag file, or if the camera or the
-        measurement fails.
+        The verdict is "fail" if the picture shows the tag of a part of `subjects` that is not the named part.
+        For a goal of kind "identity" it is "pass" if the picture shows the tag of the named part. For other
+        goals, `judge` compares the poses. The verdict is "unknown", with a reason, if the named part has no
+        tag file, or if the camera or the measurement fails.
 
         Args:
             part: number of the part.

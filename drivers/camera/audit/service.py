@@ -1,8 +1,8 @@
 """The audit as a process: answers each question, a line of JSON, by a line of JSON before a deadline.
 
-The lines have the format of `runtime.devices.audit`; answers have more fields of the measurement. Every
-question is answered: if the camera hangs, memory runs out or anything else fails, the verdict is "unknown". A
-process that has grown too large restarts between two questions.
+The lines have the format of `runtime.devices.audit`; an answer also states what the camera measured, if it
+did. Every question is answered: if the camera hangs, memory runs out or anything else fails, the verdict is
+"unknown". A process that has grown too large restarts between two questions.
 """
 
 import json

@@ -38,11 +38,11 @@ def measure(
     """Measures the part's pose by its tag, which has to be the only tag in view apart from the fixed tags.
 
     Args:
-        picture: the picture (h, w), to explain a tag that is not seen.
+        picture: the picture (h, w); used only to explain why the tag is not seen.
         seen: all tags in the picture.
         calibration: the camera's calibration.
         tag: the part's tag.
-        near: expected pose of the part, to explain a tag that is not seen.
+        near: expected pose of the part, if known; used only to explain why the tag is not seen.
 
     Raises:
         PictureError: the tag is not seen, another tag is in view that is not fixed, or the tag has the wrong

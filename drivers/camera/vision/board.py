@@ -78,7 +78,11 @@ def parse(text: str) -> Board:
 
 
 def _refined(picture: Picture, pixels: Array, points: Array, field_mm: float) -> Array:
-    """Refines the corners of a board to a few hundredths of a pixel; windows are smaller than fields."""
+    """Refines the corners of a board to a few hundredths of a pixel.
+
+    The window searched about each corner is scaled to the fields' size in the picture, so that it leaves out
+    the markers.
+    """
     gaps = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     gaps[gaps > 1.01 * field_mm] = 0.0
     first, second = np.nonzero(gaps)

@@ -36,9 +36,10 @@ class Card:
 def lying(
     cells: Cells, cell_mm: float, pose: Pose2, *, face_down: bool, margin_mm: float | None = None
 ) -> Card:
-    """Creates a card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
+    """Creates a card that lies flat on the table.
 
-    A card that lies face down is read from below. The default margin is one square wide.
+    `pose` has the place of the card's middle and the angle of its rows, in the world (mm, mm, rad). A card
+    that lies face down is read from below. The default margin is one square wide.
     """
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)

@@ -59,7 +59,7 @@ class Rig:
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
         """Renders the picture of what the camera has in view.
 
-        The tag of a foreign part has an id one less than `number`.
+        A foreign part carries the tag with the id before `self.number`, which no other part carries.
         """
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)

@@ -59,8 +59,9 @@ class Geometry(NamedTuple):
     def closing_mm(self) -> float:
         """Greatest hand height at which closing fingers meet the part: half way from squeeze to retreat.
 
-        This height is above the part. The tips of some real grippers move on an arc, so the cell raises the
-        hand as they close. The simulated tips move straight; they have to meet the part from that height too.
+        The limit is higher than the part. The tips of some real grippers move on an arc, so the runtime
+        raises the hand as they close. The simulated tips move straight, and still have to meet the part at
+        that height.
         """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 

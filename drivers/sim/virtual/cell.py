@@ -60,7 +60,7 @@ class VirtualCell:
         return simulator.gripper(link, self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
-        """Connects a driver to the arm, set up with the arm's base frame.
+        """Connects a driver to the arm, and gives the driver the arm's base frame.
 
         Raises:
             ArmError: there is no answer.
