@@ -49,7 +49,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 def guarded(built: command.Parser, argv: Sequence[str] | None, body: Body) -> int:
     """Runs a command of the cell; returns its exit code.
 
-    A stop request ends the command. A slow reader of the command's output does not delay it.
+    A stop request ends the command. The command does not wait for a slow reader of its output.
 
     Args:
         built: the command's parser.

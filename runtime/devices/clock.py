@@ -35,7 +35,7 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """The value of `now` by which a motion must be over that lasts `seconds` of the cell.
+        """The value of `now` by which a motion of `seconds` of the cell must be over, if it begins now.
 
         A simulated cell may run faster than this machine's clock. `LINK_MARGIN_S`, in seconds of the machine,
         is added for the link to the device.
@@ -80,7 +80,7 @@ class SystemClock:
 def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | None:
     """Seconds since a record was written; None if that cannot be known.
 
-    If the machine was not rebooted since, they follow from `up_s`. Otherwise only the wall clock is left: it
+    If the machine was not rebooted since, `up_s` gives the answer. Otherwise only the wall clock is left: it
     is trusted if it advanced by at least the time since the boot.
 
     Args:

@@ -38,7 +38,8 @@ SCRIPT_PORT_BELOW = 2  # the port at which a UR arm takes programs is so far bel
 class PortLock(ExitStack):
     """Lock that a process holds while it uses a device; released when the process ends, however it ends.
 
-    A link such as /dev/serial/by-id/... locks the device to which it leads, the name of a host its addresses.
+    A port that is a link, such as /dev/serial/by-id/..., locks the device to which the link leads. The name
+    of a host locks all addresses of the host.
 
     Raises:
         UnreachableError: another process holds the lock; the message names the process.
@@ -134,7 +135,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """The end of an identity, which names a Modbus unit behind a gateway; empty for the usual unit."""
+    """The end of an identity that names the Modbus unit behind a gateway; empty for unit `USUAL_UNIT`."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:

@@ -33,9 +33,9 @@ def make(job: object, seed: int) -> "Rehearsal":
 class Rehearsal:
     """Simulates squeezes: draws a branch of the node by its probability, and a width within the branch.
 
-    The part never moves. A squeeze at the same place as the last one (a re-squeeze, or a later stroke of a
-    regulated squeeze) ends at the same width. A squeeze at the place of a child of the last node goes on with
-    the part; at any other place, it begins a new part at the root.
+    The part never moves. The place of a squeeze shows what it means. At the place of the last squeeze it is a
+    re-squeeze, or a later stroke of a regulated squeeze, and ends at the same width. At the place of a child
+    of the last node it is the part's next squeeze. At any other place it is the first squeeze of a new part.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
@@ -69,8 +69,9 @@ class Rehearsal:
     def _node_of(self, pose_hand: Pose2) -> int | None:
         """Finds the node whose squeeze is executed, given the part's pose in the hand's frame.
 
-        A node fits if the part would lie where it lay at the last squeeze, provided that the hand is at the
-        node's grasp pose. The children of the last node are tried first, then the last node itself.
+        The part has not moved since the last squeeze. So for each node the part's pose in the world is
+        computed as if the hand were at the node's grasp pose; the node fits if this pose is that of the last
+        squeeze. The children of the last node are tried first, then the last node itself.
 
         Returns:
             The index of the first child that fits; None if only the last node fits, whose squeeze is then

@@ -1,7 +1,7 @@
 """Answers a robot that asks `grasp-runtime --serve` where to squeeze, and itself moves hand and jaws.
 
-Robot and runtime exchange lines of text by the protocol in `tools/docs/serve.md`: to each line of the robot
-belongs one answer. What an answer requests, a squeeze or a drag, is decided by `traversal.program`. Between
+Robot and runtime exchange lines of text by the protocol in `tools/docs/serve.md`: each line of the robot gets
+one answer. What an answer requests, a squeeze or a drag, is decided by `traversal.program`. Between
 two lines the robot may do anything.
 """
 
@@ -71,7 +71,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """A line of the robot is refused; the message is the answer, which states an error of `ERRORS`."""
+    """Raised to refuse a line of the robot; the message is the answer to the line (`refused`)."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))

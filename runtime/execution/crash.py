@@ -114,7 +114,7 @@ def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
 
     Args:
         path: path of the journal, for messages.
-        entries: all records of the journal, or `Journal.last_part`.
+        entries: all records of the journal, or only those that matter here (`Journal.last_part`).
 
     Raises:
         BrokenRunError: the run's records do not follow from its readings.

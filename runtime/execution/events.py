@@ -77,8 +77,8 @@ class Tally:
     def times(self) -> dict[str, float]:
         """Statistics of the parts' times, by the names of `runtime.table.takt`; empty before the first part.
 
-        They are also empty if `timed` is False: the clock of a cell faster than real time also multiplies the
-        seconds for which this machine computes, so that a part's time means nothing.
+        The result is also empty if `timed` is False. Then the cell runs faster than real time, and a second
+        for which this machine computes counts as several seconds of the cell: the parts' times mean nothing.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 

@@ -129,10 +129,14 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turns a part's plan so that the hand need not turn first; returns the angle of turn, urad.
+        """Turns a part's plan about the origin, so that the hand has the angle of the first squeeze already.
 
-        A part of a broken run keeps the turn that its plan had in that run. The plan is not turned where
-        parts are delivered, since the paths to the drop-off are checked for the leaves as planned.
+        A part of a broken run keeps the angle by which its plan was turned in that run. The plan is not
+        turned where parts are delivered, since the paths to the drop-off are checked for the leaves as
+        planned.
+
+        Returns:
+            The angle by which the plan was turned, urad; 0 if it was not turned.
         """
         turn_urad = 0
         if broken is not None:
@@ -246,7 +250,10 @@ class Executor:
             self._hand.slide(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
-        """Releases the part that a broken run may still hold, as that run would have done."""
+        """Releases the part that the hand may still hold since a run broke off, and retreats.
+
+        If that run would have dragged the part before the release, the part is dragged first.
+        """
         self._console.phase(part, Phase.RESUME, broken.traversal.node)
         try:
             self._hand.await_stillness()

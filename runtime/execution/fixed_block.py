@@ -64,7 +64,10 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """Yields the outermost poses of the hand [mm, mm, rad] to which `measure` may send it, about a block."""
+    """Yields the poses of the hand in `measure` that may be farthest from `at`, the block's stated place.
+
+    Both `at` and the poses are in mm, mm, rad.
+    """
     most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
     for turn in (0.0, pi):
         for off in (-most, most):

@@ -40,8 +40,8 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     `calibration` converts nominal to true widths. `arm_known` states whether the arm stands where its last
-    acknowledged motion left it or, before the first motion, where it was first read. Methods take and return
-    places where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
+    acknowledged motion left it or, before the first motion, where it was first read. A place that a method
+    takes or returns is the place where the fingers meet, not the place of the arm.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -93,9 +93,10 @@ class Hand:
         return _beside(pose, -self.middle_mm)
 
     def turn_of_plan(self, first: Squeeze) -> float:
-        """Angle, rad, by which to turn a part's plan about the origin so that the hand need not turn first.
+        """Angle, rad, by which to turn a part's plan about the origin so that `first` has the hand's angle.
 
-        It is 0 where the table does not allow a turn, or the wrist's range is less than one and a half turns.
+        The hand then need not turn for `first`, the plan's first squeeze. The result is 0 where the table
+        does not allow a turn, or the wrist's range is less than one and a half turns.
         """
         if not self._may_turn:
             return 0.0
@@ -122,18 +123,23 @@ class Hand:
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float, *, first: bool) -> float:
         """Chooses the angle to which the hand turns for a squeeze, within the wrist's range.
 
-        Angles that differ by whole turns are distinct, as the wrist's range has ends. Of those that equal the
-        planned angle up to whole turns, the nearest is chosen. Where the table's fingers close alike, an
-        angle half a turn off the plan may be chosen instead, in two cases:
+        The wrist's range has ends, and the wrist may reach the planned angle in several ways, which differ by
+        whole turns. Usually the shortest way from the present angle is chosen. The hand turns to another
+        angle instead, half a turn off the planned one, in two cases:
 
-        - the wrist cannot reach the planned angle, or would turn by more than half a turn to reach it;
-        - the hand stands in the outer half of the wrist's range, and an angle half a turn off the plan, which
-          it reaches by turning away from the near end, costs clearly less. The cost of a turn is its angle,
-          weighted: the nearer the hand is to that end, the cheaper is a turn away from it, and the dearer is
-          a turn towards it.
+        - The wrist cannot reach the planned angle; or it has to turn by more than half a turn to reach it,
+          and the other angle costs less.
+        - The hand is in the outer half of the wrist's range, turns back from the near end to reach the other
+          angle, and the other angle costs less by more than `SAVED_RAD`.
 
-        The choice holds for the rest of the part. If the cell's fingers do not close evenly, a part squeezed
-        half a turn off the plan ends elsewhere than planned.
+        The cost is the angle by which the hand turns, times a weight. The nearer the hand is to an end of the
+        range, the greater is the weight of a turn towards this end, and the smaller that of a turn back.
+
+        If the table's fingers do not close alike, the other angle is a whole turn off the planned one. If
+        they close alike in the table but not in the cell, a part squeezed half a turn off ends elsewhere than
+        planned.
+
+        After this choice, the planned angles of the part's later squeezes are turned by as much.
 
         Args:
             x_mm: x of the squeeze.
@@ -142,7 +148,7 @@ class Hand:
             first: whether it is the part's first squeeze.
 
         Returns:
-            The chosen angle, rad; `angle_rad` itself where the wrist reaches no such angle.
+            The chosen angle, rad; `angle_rad` itself if the wrist can reach neither angle.
         """
         self._off_rad = 0.0 if first else self._off_rad
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
@@ -202,7 +208,7 @@ class Hand:
         self._go_as_counted((x_mm, y_mm, low_mm if risen else high_mm, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Moves straight down with the jaws open, the tips to the squeeze height."""
+        """Moves straight down until the tips are at the squeeze height; the jaws must stand open."""
         self.lower(x_mm, y_mm, angle_rad, self.jaws.open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:

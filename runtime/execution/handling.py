@@ -30,9 +30,10 @@ class Handling:
         return self.calibration or Calibration(table.gripper.profile)
 
     def lifted(self, timing: Timing, calibration: Calibration) -> Timing:
-        """A copy of a timing, with a greater height between two squeezes if the tips move on an arc.
+        """Returns a timing in which the hand rises higher between two squeezes if the tips move on an arc.
 
-        The height grows by as much as the tips may hang lower than when the tool frame was taught.
+        On an arc the tips may be lower than when the tool frame was taught. The hand rises higher by the
+        largest such distance, but not above the retreat height.
         """
         if self.arc is None:
             return timing

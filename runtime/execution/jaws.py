@@ -81,7 +81,7 @@ class Jaws:
         self.gripper.move(request, speed_mm_s, squeeze.force_mn / 1000)
 
     def wait(self) -> None:
-        """Waits for opening jaws, and checks that they have opened."""
+        """Waits until moving jaws have stopped, and checks that they are open as requested."""
         if self.asked is None:
             return
         settled, request = self.gripper.wait(), self.asked
@@ -106,10 +106,11 @@ class Jaws:
         self.wait()
 
     def set_free(self, squeeze: Squeeze, following: Squeeze, free_mm: float) -> None:
-        """Opens the jaws at the squeeze's speed until they are clear of the part; they open on after return.
+        """Starts to open the jaws for the next squeeze, and returns once they are clear of the part.
 
-        From then on they open fast, if the gripper accepts a request during a motion and the way is long
-        enough.
+        Until then the jaws open at the speed of the squeeze that ends. They go on opening after the return:
+        fast, if the gripper accepts a request during a motion and the rest of the way is long enough. If the
+        jaws are not clear in time, the method waits until they have opened (`wait`).
 
         Args:
             squeeze: the squeeze that ends, whose speed and force apply.
@@ -147,9 +148,9 @@ class Jaws:
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width like `arrives`, but returns True while the jaws still move.
+        """Closes to an intermediate width without a stop; returns False if the jaws met something earlier.
 
-        That is shortly before they arrive, so that the next stroke may follow without a stop.
+        Returns True as soon as the jaws are about to arrive, so that the next stroke can follow at once.
         """
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um

@@ -43,10 +43,10 @@ class Middle(NamedTuple):
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """Distance, mm, along the hand's y, from where the plan assumes that the fingers meet to where they do.
+    """Measured minus planned place where the fingers meet, mm, along the hand's y; 0 without a measurement.
 
-    It holds for the narrowest held part (`narrowest_mm`); without a measurement it is 0. If the job states
-    that the fingers have uneven shares of the closing, the plan itself assumes a place off the hand's middle.
+    Both places are those for the narrowest held part (`narrowest_mm`). The planned place is the hand's
+    middle, unless the job states that the fingers have uneven shares of the closing.
     """
     if measured is None:
         return 0.0
@@ -58,7 +58,8 @@ def off_mm(measured: Middle | None, table: Table) -> float:
 def left(measured: Middle, table: Table) -> dict[str, list[float]]:
     """The uncertainty that a measurement leaves, as `middle_mm` and `finger_share` of a job's `[doubt]`.
 
-    Both are ranges of errors: of the measured middle, and of the share of the closing that the job states.
+    Each is a range from least to greatest error. `middle_mm` has the errors of the measured place where
+    the fingers meet, and `finger_share` those of the share of the closing that the job states.
     """
     error_mm = SURE * measured.at(narrowest_mm(table))[1]
     more, spread = measured.share - _planned_share(table), SURE * measured.share_error

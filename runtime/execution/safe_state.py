@@ -50,7 +50,8 @@ def reach_safe_state(
 def ending_safely(hand: Hand) -> Iterator[None]:
     """Context that brings the cell into the safe state on every exception, and adds notes to the exception.
 
-    If the fingers may hold something, the arm is not raised: it may be a block that is clamped to the table.
+    The arm is not raised if the fingers may hold something, since this may be a block that is clamped to the
+    table.
     """
     try:
         yield

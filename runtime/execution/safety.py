@@ -108,7 +108,7 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
 
 
 def check_places(table: Table, middle_mm: float) -> None:
-    """Checks that the arm may be sent where it has to stand for the fingers to meet at a table's places.
+    """Checks that the arm stays within the table's limits when the fingers meet at each place of the table.
 
     Args:
         table: the table.

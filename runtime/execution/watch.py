@@ -40,8 +40,8 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
     Args:
         table: states the work area, the gripper and the arm's timing.
         node: the node to squeeze at.
-        slowest_um_s: speed assumed for the jaws, unless that of the squeeze is lower; None: the least speed
-            of the gripper.
+        slowest_um_s: the jaws are assumed to move at this speed, or at the squeeze's speed if that is lower.
+            None: the least speed of the gripper.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
@@ -73,7 +73,10 @@ class Watch:
         self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """Wraps a device to register its calls; a call of `MACHINE`, the journal, is never too late."""
+        """Wraps a device so that the watch registers each of its calls under `name`.
+
+        A call under the name `MACHINE`, which is used for the journal, does not raise after the deadline.
+        """
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager

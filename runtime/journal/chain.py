@@ -266,10 +266,10 @@ class Journal:
 
 
 class Incidents:
-    """Collects the retries and failures of the drivers' links until there is a journal to write them to.
+    """Writes retries and failures of the drivers' links to a journal, and keeps them until there is one.
 
-    Such incidents may occur before the journal is begun: a run that is refused leaves no journal. Until then
-    the first `MOST_INCIDENTS` are kept.
+    The devices are connected before the run is recorded, since a refused run must leave no record. Of the
+    incidents until then the first `MOST_INCIDENTS` are kept.
     """
 
     def __init__(self) -> None:

@@ -115,7 +115,10 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
-        """Yields a sentence if a record names another part than the current one, and one for another node."""
+        """Yields one sentence if a record names a wrong part, and one if it names a wrong node.
+
+        The right part is the current one. The right node is the one at which the part is to be squeezed next.
+        """
         if entry.get("part") != self.part:
             yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:

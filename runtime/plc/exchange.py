@@ -146,7 +146,7 @@ def parts_of(table: Table) -> list[str]:
 
 
 def _part_and_face(table: Table, leaf: Leaf) -> tuple[int, int]:
-    """Returns the index in the job of the part that a leaf names, and the face: 0 as drawn, 1 turned over."""
+    """Returns which part a leaf names, as an index in `parts_of`, and its face: 0 as drawn, 1 turned over."""
     if not table.hypotheses:
         return 0, 0
     name = table.hypotheses[leaf.hypothesis].name

@@ -50,7 +50,9 @@ class Change(NamedTuple):
 
 
 class Panel:
-    """Values for OPC UA clients: the station's state, the latest results, counts of this process's parts.
+    """Values for OPC UA clients: the station's state, the latest results, and numbers of parts by outcome.
+
+    The parts are counted since this process began.
 
     Attributes:
         offers: the recipes; the index of each is the number of its table.

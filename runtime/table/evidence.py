@@ -1,6 +1,6 @@
 """Statistics of a table's figures: intervals and tests of shares, and consistency of the figures.
 
-Whether a figure is right, only another evaluation can show; but the figures of one evaluation must agree.
+Only another evaluation can show whether a figure is right; but the figures of one evaluation must agree.
 """
 
 from math import erfc, exp, log, sqrt
@@ -94,10 +94,10 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Checks that success and REJECT together are 1 at most, and the mean number of squeezes.
+    """Checks the shares of success and REJECT, and the mean number of squeezes, of the whole table.
 
-    The mean must be at least the share of located parts, each of which was squeezed, and at most the greatest
-    number of squeezes (`limits.max_depth`).
+    Both shares together must be at most 1. The mean must be at least the share of located parts, each of
+    which was squeezed, and at most the greatest number of squeezes (`limits.max_depth`).
     """
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded

@@ -149,7 +149,7 @@ def _error_mm(table: Table, leaf: Leaf) -> float:
 
 
 def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
-    """The jaws closed to the expected width of a branch, at the place of release."""
+    """Where the faces of the jaws are at the place of release, if closed to a branch's expected width."""
     squeeze, expected = node.squeeze, branch.expected_um / 1e3
     place = node.let_go
     read = max(branch.high_um - branch.expected_um, branch.expected_um - branch.low_um) / 1e3
@@ -204,7 +204,7 @@ def _extent(outline: Outline, half: float) -> tuple[float, float]:
 
 
 def _blocks(outline: Outline, y: float, half: float) -> bool:
-    """Whether any of the segment from (-half, y) to (half, y) lies inside an outline."""
+    """Whether a piece of the segment from (-half, y) to (half, y) lies inside an outline."""
     crossings = list[float]()
     x0, y0 = outline[-1]
     for x1, y1 in outline:

@@ -106,8 +106,8 @@ class DecisionMap(NamedTuple):
     def either(self) -> Segments:
         """The branch by the width alone, for callers without an object flag.
 
-        Where a width selects a branch with one flag only, that branch is taken; where it selects two
-        branches, depending on the flag, the one with the higher index.
+        If a width has a branch only with an object felt, or only without, that branch counts. If it has a
+        branch in both cases, the branch with the higher index counts.
         """
         starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
         return _segments(starts, [max(part.at(start) for part in self) for start in starts])

@@ -252,9 +252,9 @@ class GripperSpec:
     def profile(self) -> GripperProfile:
         """The profile of the gripper for which the table was planned.
 
-        A table does not state the tips' arc, the gripper's radius and its counts: they are taken from the
-        known model of this name. Its counts are omitted if they give another number of steps than this
-        gripper has.
+        A table does not state the tips' arc, the gripper's radius, and its counts with open and closed jaws.
+        They are taken from the known model of the same name; the counts only if they give the number of steps
+        that the table states.
         """
         preset = known(self.model)
         counts = None if preset is None else preset.counts

@@ -45,7 +45,10 @@ def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
 
 
 def turned(table: Table, turn_urad: int) -> Table:
-    """A copy of a table, which must have no pushes, with grasp poses and leaves turned about the origin."""
+    """A copy of a table with grasp poses, places of release and leaves turned about the origin.
+
+    The table must have no pushes.
+    """
     if turn_urad == 0:
         return table
     nodes = tuple(_turned_node(node, turn_urad) for node in table.nodes)

@@ -1,4 +1,4 @@
-"""Validation of a table, at every write and every read: checks for all reasons not to execute it."""
+"""Validation of a table, at every write and every read: refuses a table that must not be executed."""
 
 from collections import Counter
 from math import cos, sin
