@@ -1,4 +1,4 @@
-"""The options --bound and --bound-dense: prove a number of squeezes that no plan of equal success beats."""
+"""The options --bound and --bound-dense, for a lower bound: no plan of equal success needs fewer squeezes."""
 
 import argparse
 

@@ -34,7 +34,7 @@ def of_search(_seconds: float, done: int, total: int) -> float | None:
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """Returns done / total as the share of the whole work, for work whose stages all share one count."""
+    """Returns done / total as the share of the whole work; `done` and `total` must count the whole work."""
     return done / total if total else None
 
 
@@ -100,7 +100,7 @@ class _Course:
         return self._clock() - self._begun
 
     def left(self) -> str:
-        """Text for the time left; it follows from the progress since the share was first known."""
+        """Text for the time left, estimated from the speed of progress since the share was first known."""
         if self.known and self._first and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)

@@ -282,7 +282,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Lines that count parts which ended at one leaf but lay at the pose of another leaf, or of none."""
+    """Lines that count the parts which ended at one leaf, but lay at another leaf's pose or at no leaf's."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"

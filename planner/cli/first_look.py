@@ -207,10 +207,11 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """Returns the grade of a plan, but "unknown" or "cut" for a poor plan of an unfinished search.
+    """Returns the grade of a plan; a poor plan of an unfinished search may get "unknown" or "cut" instead.
 
-    `open_share` is the share of parts for which the search is unfinished. A poor plan is "unknown" if this
-    share is above `MOST_OPEN`. It is "cut" if at least the share `LEAST_DONE` of the other parts are located.
+    `open_share` is the share of parts for which the search is unfinished. A poor plan gets "unknown" if this
+    share is above `MOST_OPEN`. Otherwise it gets "cut" if the plan locates at least the share `LEAST_DONE` of
+    the parts for which the search is finished.
     """
     if grade != "poor" or not open_share:
         return grade

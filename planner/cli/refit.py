@@ -172,7 +172,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """Lists squeezes with their durations, of the parts for which the journal times every squeeze."""
+    """Lists squeezes with their durations; leaves out parts of which a squeeze is not timed."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts

@@ -71,7 +71,10 @@ def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
 
 
 def _compared(segments: tables.Segments, opening_um: int) -> list[int]:
-    """Widths at which segments are tested [um]: both ends and the middle of each segment, -1, the opening."""
+    """Widths at which segments are tested [um].
+
+    These are both ends and the middle of each segment, the opening, and -1, a width that is always rejected.
+    """
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
         widths |= {low, (low + high - 1) // 2, high - 1}
@@ -184,7 +187,7 @@ def _document(file: tables.TableFile) -> dict[str, Any]:
 
 
 def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
-    """A record without the fields for several parts, which are not exported."""
+    """Returns a copy of a record without the fields `OF_SEVERAL`, which matter only for several parts."""
     return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 

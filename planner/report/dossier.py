@@ -55,7 +55,7 @@ class Source(NamedTuple):
 
 
 class Reject(NamedTuple):
-    """Picture of a rejected reading: the fingers as they stopped, and the replayed part of nearest width."""
+    """Picture of a rejected reading: the fingers at its width, and the replayed part nearest in width."""
 
     caption: str
     belief: Array  # (m, 3 or 4) possible states of the part when the hand arrives

@@ -28,14 +28,16 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the leaf's pose differs from the mean on purpose: by more than `WORTH_TELLING_MM`."""
+        """Whether the leaf's pose is more than `WORTH_TELLING_MM` from the mean, which is on purpose."""
         return self.apart_mm > WORTH_TELLING_MM
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """Returns the mean pose of each leaf's parts; only parts within the goal of the leaf's first pose count.
+    """Returns the mean pose of each leaf's parts.
 
-    The mean is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
+    A part counts if it has the leaf's hypothesis and lies near the leaf's first pose, not at an alternative
+    pose.
+    The mean is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` parts that count.
     """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)

@@ -37,7 +37,7 @@ make = Filmed  # the world factory
 
 
 def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[str, Any]:
-    """The squeezes of a simulated part, with the hand's place at each, and the part's outline.
+    """Data of a film: the part's outline, sizes of the fingers, and each squeeze with the hand's pose.
 
     Args:
         table: the table of the run.

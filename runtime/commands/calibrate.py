@@ -134,8 +134,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
 def report(measured: Measured) -> Iterator[str]:
     """Yields lines for people: for each gauge block its readings, their spread, and two deviations.
 
-    The first deviation is that of a calibration fitted without this block, the second is that of the
-    gripper's nominal widths.
+    A deviation is a measured width minus the width of the block. The first is measured by a calibration
+    fitted without this block, the second by the gripper's nominal widths. The narrowest and the widest block
+    have only the second.
 
     Args:
         measured: the measurement, as `figures` returns it.
@@ -177,7 +178,7 @@ def _ask_terminal(sentence: str, file: TextIO) -> None:
 def _checked(
     arguments: argparse.Namespace,
 ) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
-    """Checks the arguments of `width`, before anybody holds a block.
+    """Checks the arguments of `width`, before the operator is asked for a block.
 
     Returns:
         Widths of the gauge blocks (ascending, mm); link and offset of the tips' arc (mm), None if not given;

@@ -44,7 +44,7 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
 
 def _contradictions(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yields a sentence for each contradiction in the arguments, if this program moves the devices."""
+    """Yields a sentence for each contradiction in the arguments of a call without --serve."""
     if arguments.network and arguments.plc is None:
         yield "--network is for --serve and --plc; leave it out, or name an address with one of them"
     if arguments.plc is None and (stated := plc_options(arguments)):

@@ -142,7 +142,7 @@ class _Asked:
         return tally.exit_code
 
     def check(self) -> int:
-        """Prints what was checked of the table, and if a port is given, the gripper's width; returns 0.
+        """Prints what was checked of the table; with a port, also the gripper's present width; returns 0.
 
         Moves nothing. A table that does not fit has been refused before.
         """

@@ -25,7 +25,7 @@ def accepts(host: str, port: int) -> bool:
 
 
 def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> Iterator[Finding]:
-    """Checks each UR controller that the addresses name: which of its ports are open; yields findings.
+    """Checks which ports are open on each UR controller that the addresses name; yields findings.
 
     Args:
         addresses: the addresses of gripper and arm.

@@ -131,7 +131,8 @@ def _metric(name: str, help_text: str, values: dict[str, float]) -> str:
     """Writes the lines of a metric in Prometheus' text format.
 
     Args:
-        name: name of the metric. A name that ends in `_total` is that of a counter, else of a gauge.
+        name: name of the metric, without the prefix "squeezetree_". The metric is a counter if its name ends
+            in `_total`, else a gauge.
         help_text: what the metric is.
         values: the values by their labels.
     """

@@ -79,13 +79,14 @@ def cards(figures: Iterable[tuple[str, str, str]]) -> str:
 def table(
     label: str, heads: Sequence[str], rows: Iterable[Iterable[str]], kind: str = "wide"
 ) -> str:
-    """Returns the HTML of a table, which scrolls by itself if it is wider than the page.
+    """Returns the HTML of a table.
 
     Args:
         label: description for screen readers.
         heads: heads of the columns.
         rows: for each row the texts of its cells; the first is the head of the row.
-        kind: CSS class of the surrounding element.
+        kind: CSS class of the surrounding element. A "wide" element has a scrollbar if the table is wider
+            than the page.
     """
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     return "\n".join(

@@ -56,7 +56,7 @@ class Parser(argparse.ArgumentParser):
         say_lines(message, file or sys.stderr)
 
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
-        """Adds the options --json, of which `json` is the help text, and --debug."""
+        """Adds the options --json and --debug; `json` is the help text of --json."""
         self.add_argument("--json", action="store_true", help=json)
         self.add_debug()
 

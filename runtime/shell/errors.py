@@ -20,7 +20,10 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class ExpectedError(Exception):
-    """Base class of errors that people, devices or disks cause; other exceptions but OSError are bugs."""
+    """Base class of errors that people, devices or disks cause.
+
+    Any other exception is a bug, except an OSError.
+    """
 
     exit_code = ExitCode.INTERNAL
 

@@ -84,7 +84,8 @@ def whole() -> "contextlib._GeneratorContextManager[None]":
 def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
     """Context with a deadline: when it passes, an error is raised under the conditions of a stop request.
 
-    Outside of a `StopRequests` context there is no deadline, since no signal handler could end a call.
+    Outside of a `StopRequests` context there is no deadline: no signal handler is installed that could raise
+    the error.
 
     Args:
         seconds: the deadline, s of wall time.

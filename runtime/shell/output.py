@@ -117,7 +117,7 @@ def unblocked(now: Callable[[], float]) -> Iterator[None]:
     """Context in which `command.say` never waits for a reader; output to regular files is written as usual.
 
     Args:
-        now: clock for the deadline at the end, s.
+        now: returns the time, s; at the end of the context it limits the wait for the readers.
     """
     for descriptor in (STDOUT, STDERR):
         with contextlib.suppress(OSError):

@@ -18,8 +18,9 @@ def parse(text: str | bytes) -> Any:
     """Parses JSON; returns its value.
 
     Raises:
-        ValueError: the text is not JSON in UTF-8, is nested too deeply, or holds a number that is not finite
-            or has too many digits. The message fits after "is", such as "nested too deeply".
+        ValueError: the text is not JSON in UTF-8, is nested too deeply, or holds half a character (a lone
+            surrogate) or a number that is not finite or has too many digits. The message, such as "nested
+            too deeply", completes a sentence that begins with "The text is".
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text

@@ -1,6 +1,6 @@
-"""Control charts: each receives values of one part after the other, and alarms when the cell has changed.
+"""Control charts: each receives the values of part after part, and alarms when the cell has changed.
 
-With the limits below, the charts together raise less than one false alarm in ten thousand parts.
+With the limits in this module, the charts together raise less than one false alarm in ten thousand parts.
 An alarm resets its chart. So a fault that persists raises another alarm, and a repaired fault does not.
 """
 
@@ -26,8 +26,9 @@ CLIP = 3.0
 class Cusum:
     """CUSUM chart: alarms when the mean of deviations shifts up or down (Page, Biometrika 41, 1954).
 
-    Each deviation adds the log-likelihood ratio of a shift to no shift. The ratio depends on the deviation's
-    standard deviation: a deviation with large scatter adds little.
+    Each deviation adds the logarithm of a likelihood ratio: the deviation's likelihood if the mean has
+    shifted, divided by its likelihood if not. The ratio depends on the deviation's standard deviation: a
+    deviation with large scatter adds little.
     """
 
     shift: float  # shift to be detected, in the unit of the deviations
@@ -91,7 +92,7 @@ class BinomialWindowChart:
 
 @dataclass(slots=True)
 class GTestChart:
-    """Alarms when the last `window` parts took branches in other shares than predicted (G test)."""
+    """Alarms when the shares of branches among the last `window` parts are not as predicted (G test)."""
 
     shares: Sequence[Sequence[float]]  # predicted share of each branch of each node
     window: int  # number of parts
@@ -149,8 +150,9 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
     """Returns pairs of an observed and an expected count, one for each branch.
 
-    Branches that expect fewer than `LEAST_EXPECTED` parts are pooled into one pair. The list is empty
-    without counts or shares.
+    Branches with an expected count below `LEAST_EXPECTED` are pooled into one pair. If its expected count is
+    still too low, this pair is added to the smallest of the other pairs. The list is empty if all counts or
+    all shares are 0.
     """
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:

@@ -1,9 +1,10 @@
 """Expected readings, as `plan-expect` writes them, and a control chart that compares readings with them.
 
-The expected readings are histograms in several worlds: the planned world, and others, such as one of another
-friction. The likelihood ratio of a part is the probability of its readings in another world, divided by their
-probability in the planned world. The chart's statistic is a sum over all parts at which the cell may have
-changed; each term is the product of the ratios from that part on (Shiryaev 1963, Roberts 1966).
+The expected readings are histograms of several worlds. The first world is the planned one; each other world
+differs from it, for example in the friction. The likelihood ratio of a part is the probability of its
+readings in another world, divided by their probability in the planned world. The chart's statistic is a sum
+over all parts at which the cell may have changed; each term is the product of the ratios from that part on
+(Shiryaev 1963, Roberts 1966).
 
 On an unchanged cell the mean of the statistic grows by at most 1 with each part. So the mean number of parts
 until a false alarm is at least the limit (Pollak, Annals of Statistics 15, 1987). This bound assumes that the

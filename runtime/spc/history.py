@@ -115,7 +115,8 @@ def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
 def _whole_records(path: Path) -> Iterator[Entry]:
     """Yields the complete records of a journal.
 
-    An incomplete last line is left out: a crash cut it short, before the cell acted on its record.
+    An incomplete last line is left out: a crash interrupted the writing. The cell has not acted on this line,
+    since it acts on a record only after the record is written.
     """
     with suppress(TornError):
         yield from records(path)

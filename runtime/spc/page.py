@@ -1,4 +1,4 @@
-"""The report as one HTML page: what to do, key figures, charts, and at the end tables that unfold."""
+"""The report as one HTML page: what to do, key figures, charts and, folded away below them, tables."""
 
 from collections.abc import Iterable, Iterator
 from html import escape

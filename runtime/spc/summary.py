@@ -51,7 +51,7 @@ class LeafRow(NamedTuple):
 
 
 class NameRow(NamedTuple):
-    """Row of a report: a hypothesis, and the number of located parts that were identified as it."""
+    """Row of a report: a hypothesis, and how many parts ended at resolved leaves that name it."""
 
     name: str  # name of the hypothesis
     parts: int

@@ -113,7 +113,7 @@ def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
 
 
 def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
-    """Converts rows to columns: a list of values for each name, which is shorter in JSON than rows."""
+    """Returns a list of the rows' values for each name; in JSON, such columns are shorter than the rows."""
     return {name: [row[name] for row in rows] for name in names}
 
 

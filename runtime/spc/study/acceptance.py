@@ -98,8 +98,11 @@ class SequentialTest:
         Args:
             failures: number of failures.
             parts: number of parts.
-            outside: a share that the test excludes, or an end of the range.
+            outside: a share that the test excludes, or 0 or 1.
             inside: a share that the test does not exclude.
+
+        Returns:
+            The share between `outside` and `inside` from which on the test excludes shares.
         """
         for _ in range(60):
             middle = 0.5 * (outside + inside)
@@ -142,7 +145,10 @@ class Acceptance:
 
 
 def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
-    """Yields the state of an acceptance study after each part that counts; the first verdict stays."""
+    """Yields the state of an acceptance study after each part, except parts with an outcome in `LEFT_OUT`.
+
+    Once the study has accepted or refused the cell, its verdict does not change any more.
+    """
     test, now = SequentialTest(limit), Acceptance(limit)
     for part in parts:
         if part.outcome in LEFT_OUT:
@@ -186,10 +192,10 @@ def planned(limit: float, expected: float | None) -> Planned:
 
 
 def parts_for(readings: int, share: float) -> int | None:
-    """Number of parts to run, so that enough of them are of a given kind with probability `CONTAINED`.
+    """Number of parts to run, so that at least `readings` are of one kind with probability `CONTAINED`.
 
     Args:
-        readings: least number of parts of the kind.
+        readings: the least number of parts of this kind.
         share: share of the kind among all parts.
 
     Returns:
@@ -205,7 +211,10 @@ def _most(test: SequentialTest, count: int) -> int:
 
 
 def _first(does: Callable[[int], bool]) -> int | None:
-    """Finds the least number of parts that satisfies a condition; None if it is above `MOST_PARTS`."""
+    """Finds the least number of parts that satisfies a condition; all greater numbers should satisfy it, too.
+
+    Returns None if no power of 2 up to `MOST_PARTS` satisfies the condition.
+    """
     high = 1
     while not does(high):
         high *= 2

@@ -189,7 +189,7 @@ def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
         confidence_ppm: share of parts that the table's goal requires to be located, ppm.
 
     Raises:
-        UsageError: all parts are to be located, which no number of parts can show.
+        UsageError: the table's goal requires that all parts are located; no study can prove this.
     """
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:

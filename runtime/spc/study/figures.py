@@ -122,10 +122,10 @@ def by_truth(history: History) -> History:
 
 
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
-    """The goal's tolerance of each coordinate: from the least to the greatest allowed value, mm or rad.
+    """Whole width of the goal's tolerance for each coordinate: greatest minus least allowed value, mm or rad.
 
-    A goal that states a distance allows this distance to either side in each coordinate. Coordinates without
-    a tolerance are left out.
+    If the goal states a distance, the width is twice this distance. For the angle, the distance is divided by
+    the goal's weight rho, in mm per rad. Coordinates without a tolerance are left out.
     """
     if goal.kind in ("tolerances", "orientation"):
         tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
