@@ -47,7 +47,7 @@ class Effort(NamedTuple):
         """Number of pairs of sets to simulate in each cell.
 
         Each set has as many parts as the journals. A pair has one set for the scores of the likelihood, and
-        one for its regression.
+        one for its regression. The first half of the rounds simulates fewer pairs (`COARSE`).
         """
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
