@@ -79,10 +79,10 @@ class Covered:
         self._squeezed = dict[History, Belief]()
 
     def __call__(self, history: History) -> Array:
-        """The placements (k, 3) of the squeeze after a history.
+        """The placements (k, 3) that plans may choose for the squeeze after a history.
 
-        For an empty history these are `first`. For any other the table's placement comes last, or is missing
-        if the table has no squeeze after this history.
+        For an empty history these are `first`. For any other history, if the table squeezes again after it,
+        the placement of that squeeze comes last.
         """
         if not history:
             return self.first
@@ -185,7 +185,8 @@ class Certificate:
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """Returns a function that squeezes the parts of a belief once, with the latent parameters of each part.
 
-    The function draws the contact mechanics and the noise of readings as the world of the evaluation does.
+    The function draws friction, limit surface and noise of the reading at random, by the same models as the
+    world of the evaluation.
     """
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 

@@ -94,7 +94,7 @@ def _localise(
 
     Args:
         poses: (n, 3) the poses of a group [mm, mm, rad].
-        weights: (6,) weights of the metric, for the part.
+        weights: (6,) the single row of `Metric.weights`.
         period: period of the angle [rad].
         least: number of poses that a prediction must locate to matter, more than half of them.
         local: receives the converted poses (n, 3).
@@ -132,7 +132,7 @@ def _enclosed(
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
-        weights: (6,) weights of the metric, for the part.
+        weights: (6,) the single row of `Metric.weights`.
         turn: the period of the angles, in units of the goal.
         least: number of poses that a prediction must locate to matter.
         cell: (7,) receives the middle and half the sides of the box, and n.

@@ -63,8 +63,8 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     """Least mean cost of any plan on the sample [squeezes a part].
 
     Each squeeze costs 1. Where a plan claims n parts (states a pose for them), and m of them are located,
-    this costs price * (confidence n - m). `levels` has the histories, sequences of readings, up to some
-    number of squeezes. Beyond them the bound assumes the best: one more squeeze for each part, and claims at
+    this costs price * (confidence n - m). `levels` holds histories of up to some number of squeezes. After a
+    history that was not extended, the bound assumes the best: one more squeeze for each part, then claims at
     no cost.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
@@ -72,9 +72,9 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
 
 
 def worth_trying(levels: list[Level], level: int, price: float, confidence: float) -> IntArray:
-    """Finds the histories of a level after which the cheapest plan squeezes again, if not yet extended.
+    """Finds the histories of a level that the cheapest plan reaches, and after which it squeezes again.
 
-    Returns the numbers of these histories in the level.
+    Returns the numbers that these histories have in the level, without histories that are already extended.
     """
     values = _values(levels, price, confidence)
     reached = np.zeros(1, np.int64)

@@ -104,7 +104,7 @@ def identify(
         rho_mm: the length that torques were divided by.
         kinds: kinds of surfaces to fit.
         splits: number of random splits.
-        train_share: share of the pairs, 0 to 1, to which a split fits surfaces; the others are held out.
+        train_share: share of the pairs, 0 to 1, that are used to fit in each split; the others are held out.
         seed: seed of the splits and of cross-validation.
         friction_n: friction with the table [N]; None: estimated from the pairs of each fit.
         report: receives the progress.

@@ -107,7 +107,7 @@ def tip_offset(pushes: list[Push]) -> float:
     At the end of a push the tip touches a face of the block. The logged position lies at a distance from this
     face: a constant of the face (radius of the tip, size of the block) less the component of the offset along
     the face's normal. This component changes with the direction of the push. The constants and the offset are
-    estimated by least squares. A weak pull of the offset to 0 helps with logs of few directions.
+    estimated by least squares. A weak prior at 0 decides the offset if too few directions occur.
     """
     rows, distances = [np.array([0.0, 0.0, 0.0, TIP_PRIOR])], [0.0]
     for push in pushes:

@@ -138,9 +138,9 @@ def conflicts(values: Values) -> Conflicts:
 
 
 def of_parts(job: Any, names: list[str]) -> Conflicts:
-    """Yields the conflicts between a job and the number and names of its hypotheses.
+    """Yields the conflicts of a job that depend on how many hypotheses it has, and on their names.
 
-    Some settings suit one hypothesis only, others need several, and names must differ.
+    Some settings suit one hypothesis only, others need several. Names must differ.
     """
     if len(names) == 1:
         if job.goal.kind == "identity":

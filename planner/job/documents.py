@@ -119,8 +119,8 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
     Args:
         document: the document, which stays unchanged.
-        changes: maps a top-level key to its new value, and a section to its new values by key. If an entry,
-            such as `[[hypothesis]]`, states the section itself, the values are replaced there as well.
+        changes: maps a top-level key to its new value, and a section to its new values by key. The new
+            values also replace those of each `[[hypothesis]]` or foreign part that states this section.
         where: name of the document in error messages.
 
     Raises:

@@ -148,11 +148,12 @@ def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Returns an error about an entry of the list `key` with the entry's number, which counts from 1.
+    """Returns a copy of an error that also names the entry at fault, as number `number` of the list `key`.
 
-    If the entry itself states the section at fault, the number becomes part of the section's name. If the
-    entries share this section, only a `FitError` gets the number, in its message. If the document has no such
-    list, `error` itself is returned.
+    Numbers count from 1. If the section at fault stands in the entry, its name becomes, for example,
+    "hypothesis 2.part". If the section is common to all entries, the copy names no entry, except for a
+    `FitError`, whose message then begins with "hypothesis 2". If the document has no list `key`, `error`
+    itself is returned.
     """
     if key not in document:
         return error

@@ -228,7 +228,11 @@ def _jobs(
 ) -> list[list[Job]]:
     """Returns the jobs of each part of the list `key`: one job for each face on which the part may lie.
 
-    `listed` holds a document for each part. `document` is that of the whole job; errors name the entry in it.
+    Args:
+        document: the document of the whole job, which may contain the list.
+        key: name of the list, for errors (`hypotheses.named`).
+        listed: a document for each part.
+        folder: see `_of_document`.
     """
     results = []
     for number, alone in enumerate(listed, start=1):

@@ -81,10 +81,11 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def resolve(pressure: dict[str, Any], folder: Path | None) -> None:
-    """Replaces the key `surface_file` by the content of the file, or checks the surface that stands instead.
+    """Replaces the key `surface_file` of an identified pressure by the content of the file that it names.
 
-    Changes `pressure` in place, and only if its kind is "identified". `surface_file` is relative to `folder`,
-    the folder of the job file. `folder` is None for the canonical form of a job, which may not name files.
+    If the key is missing, checks the limit surface that `pressure` itself states. Changes `pressure` in
+    place, and only if its kind is "identified". The path of the file is relative to `folder`, the folder of
+    the job file. `folder` is None for the canonical form of a job, which may not name files.
 
     Raises:
         InputError: the file cannot be used; or the surface is stated twice, or not at all, or is not shown

@@ -4,8 +4,9 @@ The search goes through sequences of actions, breadth first, and ignores the out
 leaves four points open, which are decided here as follows:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, but not expanded.
-- Of sequences of equal ratio the first is the result. The empty sequence does not compete: the result has an
-  action even if every action lowers the ratio. The result is empty only if each action collides or is pruned.
+- Of sequences of equal singleton ratio the first is the result. The empty sequence does not compete: the
+  result has an action even if every action lowers the ratio. The result is empty only if each action collides
+  or is pruned.
 - Algorithm 3 keeps a successor whose ratio r is above alpha E.r, where E is the expanded element. The text
   of section VI drops a successor whose ratio is below alpha E.r. The two rules differ where both ratios are
   0, as for a belief of two modes. There the printed algorithm would end the tree at once, so the rule of the

@@ -160,7 +160,7 @@ class SqueezeFunction:
 
 
 def _repeats(steps: Array, after: int) -> bool:
-    """Whether each step (k, 2) equals the step that comes `after` steps earlier, cyclically."""
+    """Whether a cyclic list of steps (k, 2) repeats: each step equals the one `after` places further on."""
     return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
 
 

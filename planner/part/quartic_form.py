@@ -26,10 +26,10 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """Returns a mask (9, 9) for each of the 15 coefficients of H: the entries of T with this coefficient.
+    """Returns 15 masks (9, 9), one for each monomial of H: they mark the entries of T for this monomial.
 
-    T is the symmetric 4-tensor of H. The entry T_aibj has row 3 a + i and column 3 b + j; it is 1 in the mask
-    of the monomial F_a F_i F_b F_j, else 0.
+    T is the symmetric 4-tensor of H, written as a matrix: T_aibj is in row 3 a + i and column 3 b + j. This
+    entry is 1 in the mask of the monomial F_a F_i F_b F_j, and 0 in all other masks.
     """
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):

@@ -25,9 +25,10 @@ class Turn(NamedTuple):
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
-    """The rotational order of an outline: the largest n for which `has_order` holds.
+    """The rotational order of an outline: the largest n that passes the test of `has_order`.
 
-    Orders above `MOST_ORDER` or above the number of vertices are not tried.
+    The test is made with the given tolerance. Orders above `MOST_ORDER` or above the number of vertices are
+    not tried.
     """
     boundary = _boundary(outline)
     orders = range(min(len(outline), MOST_ORDER), 0, -1)

@@ -141,10 +141,10 @@ class Cells:
 
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
-        """Returns the cells of a job that run a decision table.
+        """Returns cells in which a decision table of a job runs.
 
-        Parts of a cell press on the table as the job says, or in another way that `doubt.pressure = "any"`
-        allows. If there is such a way, some cells have parts on three feet at random places.
+        The parts of a cell have the job's limit surface, or another one that `doubt.pressure = "any"` allows.
+        If that allows any other, some cells have parts on three feet at random places.
         """
         one_form = {"limit_surface": "ellipsoid"} if job.pressure.limit_surface == "any" else {}
         any_pressure = job.replaced(doubt={"pressure": "any"}, pressure=one_form)

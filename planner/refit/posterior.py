@@ -47,7 +47,7 @@ class Effort(NamedTuple):
         """Number of pairs of sets to simulate in each cell.
 
         Each set has as many parts as the journals. A pair has one set for the scores of the likelihood, and
-        one for its regression.
+        one for its regression. The first half of the rounds simulates fewer pairs (`COARSE`).
         """
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
@@ -128,8 +128,9 @@ def _drawn(
 ) -> Array:
     """Draws n points (n, d + 1) from the prior times a likelihood, by Markov chains.
 
-    Each point stands for a cell. The chains start at the likeliest of the points `tried`. A step goes along
-    the difference of two random chains (differential evolution, ter Braak 2006).
+    Each point stands for a cell. The chains start at points drawn from `tried`, likely ones more often, and
+    stay near the range of these points. A step goes along the difference of two random chains (differential
+    evolution, ter Braak 2006).
 
     Args:
         space: the prior.
@@ -165,10 +166,11 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest exponent, up to 1, at which n likelihoods have an effective sample size of `effective`.
+    """Returns an exponent that evens out the likelihoods of n cells, so that no few of them dominate.
 
-    `likelihoods` (n,) are the logarithms of the likelihoods of n cells. An `effective` above 0.9 n counts as
-    0.9 n.
+    Each cell has its likelihood, raised to the exponent, as weight. The exponent is the largest one up to 1
+    for which the effective sample size of these weights is at least `effective`, or 0.9 n if that is less.
+    `likelihoods` (n,) holds logarithms.
     """
     effective = min(effective, 0.9 * len(likelihoods))
 

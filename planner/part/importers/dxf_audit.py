@@ -32,9 +32,9 @@ class Losses(NamedTuple):
 
 
 def losses(auditor: Auditor, data: bytes) -> Losses:
-    """Sorts the messages of ezdxf's auditor about shapes into losses and repairs.
+    """Sorts the messages of ezdxf's auditor about shapes: a shape is lost, or the repair is harmless.
 
-    `data` is the content of the file.
+    A message is added if the file is cut short; `data` is the content of the file.
     """
     lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):

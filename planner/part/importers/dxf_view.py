@@ -111,7 +111,11 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
 
 
 class _Viewer(Frontend):
-    """Draws the visible shapes by ezdxf; counts the other entities by kind, or records them as lost."""
+    """Draws the visible shapes by ezdxf.
+
+    Other entities are recorded as lost if they may be the outline, and else counted by kind. If only one
+    layer is read, shapes on other layers are ignored.
+    """
 
     def __init__(self, document: Drawing, scale: float, tolerance: float, only: str | None) -> None:
         context = RenderContext(document)
@@ -210,9 +214,10 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records an entity as lost, with its box.
+        """Records a shape that is not drawn as lost, with its bounding box.
 
-        The entity may be the outline only if the box surrounds an outer contour (`contours.choose`).
+        If the box surrounds an outer contour, the shape may be the true outline. Then
+        `contours.choose` refuses the drawing.
         """
         box = bbox.extents([entity])
         if box.has_data:

@@ -58,8 +58,8 @@ def lying(data: bytes, options: Options) -> list[Lying]:
 def silhouette(solid: Any, height_mm: float | None) -> Pieces:
     """Returns the outline that closing fingers meet: the projection of a solid above the finger tips.
 
-    The tips are `height_mm` above the solid's lowest point. None stands for the default height of tips, and
-    for half the height of a solid that is too thin for the default.
+    The tips are `height_mm` above the solid's lowest point. If `height_mm` is None, they are at their
+    default height, or at half the height of a solid that is too thin for the default.
 
     Raises:
         UsageError: the tips are not between the lowest and the highest point of the solid.

@@ -116,8 +116,8 @@ def _free_ends(chains: Array, join_mm: float) -> _Ends:
 def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
     """Pairs free ends that are at most `join_mm` apart, the nearest first.
 
-    The two ends of one short chain, of up to 4 `join_mm`, are not paired with each other, since they belong
-    to different neighbours.
+    The two ends of one chain of up to 4 `join_mm` are not paired with each other: so short a chain is not a
+    closed curve, but a link between two other chains.
 
     Returns:
         Whether each end (n,) is paired, and the line between the two ends of each pair.
@@ -208,6 +208,6 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
 
 
 def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
-    """Returns the indices of those `lines` that pass through the midpoint of any line of `each`."""
+    """Returns the indices of all `lines` on which the midpoint of at least one line of `each` lies."""
     middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
     return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

@@ -61,9 +61,10 @@ class Sheets:
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
-        """Adds style rules if `media` include a screen; notes other media as unread, except `ELSEWHERE`.
+        """Adds style rules that apply to screens, and ignores rules for print or speech alone.
 
-        `media` is the comma-separated list of the media to which the rules apply.
+        Rules for any other media are noted as unread. `media` is the comma-separated list of the media to
+        which the rules apply.
         """
         kinds = {kind.strip().lower() for kind in media.split(",")}
         if kinds & SCREEN:
