@@ -66,7 +66,7 @@ def compile_job(
 
     Raises:
         UnreachableError: the connection to the cluster was lost.
-        NoPlanError: no squeeze distinguishes the poses that the goal asks for; or no grasp pose of the first
+        NoPlanError: no squeeze distinguishes poses that the goal distinguishes; or no grasp pose of the first
             squeeze is both free of collision and useful; or no leaf of the tree is within the goal.
         ValueError: workers or trials are out of range.
     """

@@ -49,9 +49,9 @@ def kernel(function: F) -> F:
 
 
 def inner_kernel(function: F) -> F:
-    """Same as `kernel`, for functions that allocate nothing: without reference counts, which cost time.
+    """Same as `kernel`, for functions that allocate nothing: without reference counts.
 
-    They would take 40 % of the time of a squeeze.
+    Counting references would take 40 % of the time of a squeeze.
     """
     return _compiled(function, _nrt=False)
 

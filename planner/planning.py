@@ -80,13 +80,16 @@ class Planned:
 
 
 class Rounds(NamedTuple):
-    """Numbers of parts squeezed in trials of a plan."""
+    """How many parts the trials of a plan squeeze."""
 
     fresh: int  # parts in the first round of trials; later rounds have half as many
     figures: int  # parts in the evaluation of the finished table
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """Returns the numbers, reduced to what the time budget allows, and reserves the time in `limit`."""
+        """Returns these numbers, reduced to what the time budget allows, and reserves the time in `limit`.
+
+        A few trials of the plan at `root` show how much time a part takes.
+        """
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s

@@ -7,7 +7,7 @@ is an array of n equally likely states (n, 4).
 
     model = Pomdp.of_job(job)
     belief = model.initial(2000, rng)
-    belief = model.updated(belief, model.actions[0], count, rng)
+    belief = model.updated(belief, model.actions[0], reading, rng)
     declared = [*model.metric.mode(belief[:, :3]).pose, DECLARE]
 """
 

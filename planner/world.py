@@ -104,7 +104,7 @@ class ContactWorld:
     def _unusual(self) -> tuple[Traits, ...]:
         """Last arguments of `squeeze_many` and `push_many`: the traits that the job states; none if nominal.
 
-        So these methods of a derived world need no argument for traits if the job states nominal ones.
+        So a derived world may define these methods without traits, as long as the job states nominal ones.
         """
         return () if ordinary(self._stated).all() else (self._stated,)
 

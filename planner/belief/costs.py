@@ -91,10 +91,10 @@ class Costs:
         return self._squeeze_s(way, jaws, jaws_s=left_s) / self.typical_s
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
-        """Returns the cost of moving the hand to `home`, where it squeezes the next part first.
+        """Cost of moving the hand to `home` (3,), the grasp pose of the next part's first squeeze.
 
-        `home` (3,) is a pose of the hand in the world. If plans turn to the angle of the hand, so does
-        `home`. The cost is 0 if the job counts squeezes, or if `hand` or `home` is None.
+        If the cell turns each plan about the world's origin to the angle at which the hand stands, `home` is
+        turned in the same way. The cost is 0 if the job counts squeezes, or if `hand` or `home` is None.
         """
         if not self._timed or hand is None or home is None:
             return 0.0

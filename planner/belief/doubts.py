@@ -120,10 +120,11 @@ def _draws(job: Job, rng: Generator) -> list[tuple[str, Callable[[int], Array | 
 
 
 def _friction(job: Job, n: int, rng: Generator) -> Array:
-    """Friction (n,) outside the bounds for a share (`friction.doubt`) of the parts, `FRESH` for the others.
+    """Draws friction (n,) outside the job's bounds for a share `friction.doubt` of the parts.
 
-    Half of those outside lie between `SLIPPERY` times the lower bound and that bound, the others between
-    the upper bound and `ROUGH` times that.
+    For one half of these parts it lies between `SLIPPERY` times the lower bound and the lower bound, for the
+    other half between the upper bound and `ROUGH` times the upper bound. All other parts get `FRESH`: every
+    squeeze draws their friction anew.
     """
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     slippery = rng.uniform(SLIPPERY * low, low, n)

@@ -47,7 +47,7 @@ class Belief:
 
     @property
     def states(self) -> Array:
-        """Poses (n, 3), with the hypothesis as fourth column if any is not the first."""
+        """Poses (n, 3), with the hypothesis as a fourth column unless all parts have the first one."""
         return with_hypothesis(self.poses, self.traits)
 
     @property

@@ -14,8 +14,8 @@ The share of an interval's particles that lie at one pose is found from a list o
 of particles within the goal of each candidate are summed over cells of readings once, for all intervals.
 Readings of an empty hand (the part slipped out or was never touched) are always an interval of their own.
 
-A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps: the
-resolution does not increase the arrays, nor the time, which is quadratic in their size.
+A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps. This
+limits the arrays for encoders of any resolution, and with them the time, which is quadratic in their size.
 """
 
 from __future__ import annotations
@@ -86,14 +86,14 @@ class Costs(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Running totals of particles over the m encoder counts that occur: row i sums the i lowest counts."""
+    """Running totals over the m encoder counts that occur: row i has the particles of the i lowest counts."""
 
     hits: IntArray  # (m + 1, c) particles within the goal of each candidate
     size: IntArray  # (m + 1,) all particles
 
 
 class Reach(NamedTuple):
-    """For each place where m ascending counts may be cut, two bounds of the counts within reach of it.
+    """The counts within reach of each possible cut, as index ranges; the m counts are in ascending order.
 
     An encoder that is slightly off may read such a count on the other side of the cut.
     """
@@ -230,9 +230,10 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Finds the candidate with most particles of counts i to j - 1 within the goal: their number, its index.
+    """Finds the best candidate: the one with most particles of counts i to j - 1 within the goal.
 
-    If the goal allows several modes, the number is for the best `modes` candidates, and the index is -1.
+    Returns the number of these particles, and the index of the candidate. If the goal allows several modes,
+    the number is for the best `modes` candidates together, and the index is -1.
     """
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1
@@ -252,7 +253,8 @@ def tally(
 
     Returns:
         Particles within the goal of the interval's best candidates; all particles of the interval; particles
-        of other intervals that may stray into it; and of these, particles outside the goal.
+        of other intervals that may stray into it; and how many of these strays are outside the goal. If the
+        goal allows several modes, all strays count as outside.
     """
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     best, chosen = _best(hits, i, j, modes, apart)
@@ -322,9 +324,9 @@ def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
 
 @kernel
 def mutually_apart(poses: Array, costs: Costs) -> BoolArray:
-    """Mask (c, c) of the pairs of candidates that no particle can both be near; empty for one mode.
+    """Mask (c, c) of the pairs of candidates so far apart that no particle is within the goal of both.
 
-    A particle is near a candidate if it is within the goal of it.
+    The mask is empty if the goal allows only one mode.
     """
     c, half = poses.shape[0] if costs.modes > 1 else 0, np.copy(costs.weights)
     half[:, 1:4] *= 0.5

@@ -13,8 +13,8 @@ from planner.kernel import kernel
 def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
     """Splits an interval of readings where the outcome of the next squeeze shows that this lowers the cost.
 
-    A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
-    already becomes a leaf without the next squeeze, so it costs at least as much as that leaf.
+    A rare width beside a common one may look no different until the next squeeze. A piece that already meets
+    the goal gets no next squeeze, but becomes a leaf. So its cost is at least the cost of this leaf.
 
     Args:
         old: n particles, their readings all of one interval.

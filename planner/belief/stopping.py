@@ -59,7 +59,7 @@ class StoppingRule(NamedTuple):
         return self.reached(ratio) or (enough and not tables.refuted(hits, size, self.confidence))
 
     def cost_to_go(self, hits: float, size: float) -> float:
-        """Expected squeezes left of a belief with `hits` of `size` particles in its modes."""
+        """Leaf heuristic of a belief with `hits` of `size` particles in its modes; see `squeezes_left`."""
         return squeezes_left(float(hits), float(size), self)
 
 
@@ -74,11 +74,12 @@ def missed(hits: float, size: float, rule: StoppingRule) -> tuple[float, float]:
 
 @inner_kernel
 def squeezes_left(hits: float, size: float, rule: StoppingRule) -> float:
-    """Leaf heuristic: squeezes left of a belief with `hits` of `size` particles in its modes.
+    """Leaf heuristic: the cost-to-go of a belief with `hits` of `size` particles in its modes [squeezes].
 
-    A belief that misses the goal needs one more squeeze, and possibly a second one, with a probability that
-    grows with the share missing. A belief that meets the goal costs `failure` for its parts outside the
-    modes, but no more than these squeezes.
+    A belief that misses the goal needs one more squeeze, and a second one with a probability equal to the
+    share of its particles outside the modes. A belief that meets the goal costs `failure` times the expected
+    share of its parts outside the modes, but no more than a belief that misses the goal. The result is the
+    mean of the two costs, weighted by the probability that the belief misses the goal.
     """
     open_still, rest = missed(hits, size, rule)
     further = 2.0 - hits / size

@@ -81,7 +81,7 @@ def true_placements(
 ) -> Array:
     """Where the fingers really meet when the arm sends the hand to placements (n, 3) [mm, mm, rad].
 
-    The arm has random errors, and the traits hold how far the fingers meet beside the middle of the hand. The
+    The arm has random errors. The traits state how far off the middle of the hand the fingers meet. The
     number of random draws does not depend on the errors, so that trials are comparable one by one.
 
     Args:

@@ -30,7 +30,7 @@ class Alike(NamedTuple):
 
     @property
     def hopeless(self) -> bool:
-        """Whether no search can find a plan: the turn changes nothing, and no turned part is ruled out."""
+        """Whether no search can find a plan: the turned part is the same, and no turned pose is ruled out."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:

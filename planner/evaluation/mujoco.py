@@ -153,7 +153,7 @@ class RigidWorld:
         return widths[-1]
 
     def _blocked(self) -> bool:
-        """Sets friction to 0, simulates on, and returns whether the jaws still do not close."""
+        """Whether the jaws stay blocked without friction: sets it to 0 and simulates a further `WINDOW_S`."""
         width = self._width()
         self.model.geom_friction[self.model.geom_priority > 0, 0] = 0.0
         mujoco.mj_step(self.model, self.data, round(WINDOW_S / self.model.opt.timestep))

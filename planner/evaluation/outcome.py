@@ -64,7 +64,7 @@ class Evaluation:
 
     @property
     def states(self) -> Array:
-        """(n, 3) final poses; (n, 4) with the hypothesis last, if a part has another than the first one."""
+        """(n, 3) final poses, with the hypothesis as a fourth column unless all parts have the first one."""
         return with_hypothesis(self.poses, self.traits)
 
     @property

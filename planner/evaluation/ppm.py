@@ -137,10 +137,10 @@ def _sum(group: IntArray, weight: Array, groups: int) -> Array:
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
-    """Sums of squared weights: for each leaf, over the parts in it; last, over all parts (leaves + 1,).
+    """Sums of squared weights (leaves + 1,): one for each leaf, then one for all leaves together.
 
-    The weight of a part in a leaf is that of all its copies in the leaf. The last sum squares the weight of
-    each part in all leaves together.
+    The sum of a leaf squares, for each part, the weight of all copies of the part in that leaf. The last sum
+    squares, for each part, the weight of all its copies in any of the leaves.
     """
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))

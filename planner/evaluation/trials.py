@@ -313,7 +313,7 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
     """Squeezes parts at poses (n, 3) in the hand frame, as a batch if the world can.
 
     Returns:
-        Final poses (n, 3) in the hand frame, true openings (n,) [mm], and mask (n,) of parts held at the end.
+        Final poses (n, 3) in the hand frame, true widths (n,) [mm], and mask (n,) of parts held at the end.
     """
     final, width_mm, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
     for part_world, rows, alone in by_world(world, traits):

@@ -107,9 +107,9 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
     """Subtracts the motion of the boundary's frame over the table from all displacements, in place.
 
-    `drive` states this motion. V (3,) holds the displacement of the part, and the fields un and ut of each
-    contact hold the displacement of the boundary. What remains of the latter is its motion within the frame,
-    such as the closing of the fingers.
+    `drive` states this motion. The displacement V (3,) of the part and the displacement of the boundary at
+    each contact (fields un and ut) become relative to the frame. Within the frame a pusher is at rest, and
+    the fingers of a squeeze close.
     """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn

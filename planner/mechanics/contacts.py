@@ -11,8 +11,8 @@ inner faces of fingers that push side by side look the same way. Four pairs of f
 A pusher of points or round tips (`find_points`) touches an edge as a finger's corner does (CORNER), and a
 convex vertex (TIP).
 
-A pair counts only where its normal lies in the normal cones of both features. Pairs of an edge that is nearly
-parallel to a finger's face are the exception: they hold a flush edge that is longer than the finger.
+A pair counts only where its normal lies in the normal cones of both features. This does not apply to an edge
+that is nearly parallel to a finger's face: its pairs count, and so hold a flush edge longer than the finger.
 
 Outlines are stored as columns (2, N), so that loops over vertices are vectorised.
 """
@@ -153,7 +153,7 @@ def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """Distance past vertex i up to which an edge that ends there counts as touched [mm].
+    """How far beyond its end at vertex i an edge still counts as touched [mm].
 
     The distance is larger if the vertex is the bottom of a notch.
     """
@@ -335,10 +335,10 @@ def find(
 ) -> int:
     """Finds all contacts whose gaps are at most `margin` [mm]; returns their number.
 
-    An inner face touches each vertex that is nearer to it than both neighbouring vertices, and the nearer of
-    these two neighbours. The contacts are written into `contacts`, and the outcodes of `mark` into `out`
-    (N,). `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of the part at pose q
-    (3,).
+    A vertex can touch an inner face if neither neighbouring vertex is nearer to the face. The nearer one of
+    these two neighbours can touch the face, too. The contacts are written into `contacts`, and the outcodes
+    of `mark` into `out` (N,). `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of
+    the part at pose q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)

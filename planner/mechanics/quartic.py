@@ -64,9 +64,9 @@ class QuarticSurface:
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
     def in_coordinates(self, S: Array) -> QuarticSurface:
-        """Returns the surface H'(F) = H(S F), for a regular matrix S (3, 3).
+        """Returns the surface H'(F) = H(S F), where H is this surface and S (3, 3) a regular matrix.
 
-        Its certificate is that of this surface, transformed by congruence.
+        The certificate of H' is the certificate of H, transformed by congruence.
         """
         both = np.kron(S, S)
         return from_certificate(both.T @ self.certificate @ both, self.rho_mm)

@@ -88,11 +88,11 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) of squared residuals that make a fit robust against twists of a wrong direction.
+    """Weights (K,) of squared residuals that make a fit robust against measured twists of wrong direction.
 
-    `gradient` (K, 3) are the twists by the fit, and `unit` (K, 3) the measured ones, of length 1. A residual
-    is the component of `gradient` across `unit`. A weighted squared residual grows linearly with a large
-    angle between the two twists, not quadratically.
+    `gradient` (K, 3) are the twists that the fit predicts, of any length, and `unit` (K, 3) the measured
+    twists, of length 1. A residual is the component of `gradient` across `unit`. Where the angle between the
+    two twists is large, the weighted squared residual grows linearly with the angle, not quadratically.
     """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))

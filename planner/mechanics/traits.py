@@ -75,7 +75,7 @@ def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
 
 
 def with_hypothesis(poses: Array, traits: Traits) -> Array:
-    """Returns poses (n, 3), or (n, 4) with the hypothesis last if any part has another than the first one."""
+    """Poses (n, 3), with the hypothesis as a fourth column unless all parts have the first one."""
     which = traits["hypothesis"]
     return np.column_stack([poses, which]) if which.any() else poses
 

@@ -54,9 +54,9 @@ class ActionSet:
     first: Array | None = None
 
     def followed(self, poses: Array) -> Array:
-        """Placements (k, 3) for pushed parts at poses (n, 3): the fixed ones, and some at the mean pose.
+        """Placements (k, 3) for pushed parts at poses (n, 3): the fixed ones, and some at the parts' middle.
 
-        Of the latter there is one for each fixed angle.
+        At the middle, which is the mean position of the parts, there is one placement for each fixed angle.
         """
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])

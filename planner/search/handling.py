@@ -74,7 +74,7 @@ class Handling:
         return Opening(opening_mm, max(clearance_mm, 0.0), contact_mm)
 
     def contact_mm(self, belief: Belief, placement: Array) -> float:
-        """The greatest width at which closing jaws may meet a part of a belief, given its traits."""
+        """Upper bound on the measured width at which closing jaws first touch a part of the belief [mm]."""
         traits, hand = belief.traits, to_hand(belief.poses, placement)
         hand[:, 1] -= traits["across_mm"]
         share = np.clip(self._jaws.upper_share + traits["share"], 0.0, 1.0)

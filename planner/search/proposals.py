@@ -65,7 +65,7 @@ def _of_part(job: Job) -> Proposals:
 
 
 def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
-    """Grasp poses scattered about a part, in every direction and as far aside as the fingers still touch it.
+    """Grasp poses scattered about a part, at all angles and at shifts where the fingers can still touch it.
 
     Args:
         reach_mm: largest distance of the outline from the part's origin.

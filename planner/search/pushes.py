@@ -126,7 +126,10 @@ class Pusher:
         return costs
 
     def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: Generator) -> Pushed | None:
-        """Moves pushes back to start clear of a belief, and simulates them; None if one leaves the area."""
+        """Moves the start of each push back until the fingers clear the belief, and simulates the pushes.
+
+        Returns the moved pushes and the belief after them; None if a push leaves the area.
+        """
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))

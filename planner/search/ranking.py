@@ -38,7 +38,8 @@ class Options(NamedTuple):
 
     Attributes:
         placements: (k, 3) poses of the hand in the world.
-        squeezes: (k,) expected until the end: one at the grasp pose, and the leaf heuristic after it.
+        squeezes: (k,) expected number of squeezes until the end: one at the grasp pose, plus the leaf
+            heuristic after it.
     """
 
     placements: Array
@@ -161,7 +162,8 @@ class Ranking:
     def unlike(self, belief: Belief, placements: Array, most: int) -> Array:
         """Drops near duplicates from a belief's grasp poses (k, 3), the best first; keeps at most `most`.
 
-        The fixed grasp poses of a first squeeze are all kept, since each may begin another plan.
+        If the job has special placements for the first squeeze (`ActionSet.first`), only equal poses are
+        dropped there, since each pose may begin another plan.
         """
         fixed = self.actions.first is not None and not belief.touched
         return np.asarray(placements[unlike(placements, most, 0.0 if fixed else 1.0)])

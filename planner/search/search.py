@@ -130,7 +130,7 @@ class Search:
         """After a pass was cut short, removes the unfinished actions of each node that has a finished action.
 
         Returns:
-            Whether the node is finished: the pass would expand no leaf that is still below it.
+            Whether the node is finished, that is, the pass would expand no leaf that remains below it.
         """
         if node.actions is None:
             return not self._is_due(node)
@@ -140,7 +140,7 @@ class Search:
         return bool(finished) or not node.actions
 
     def reopen(self, root: Node) -> None:
-        """Reopens leaves that miss the goal and at which no squeeze helped: the next stage tries harder."""
+        """Reopens leaves that miss the goal and at which no squeeze helped: the next pass tries new ones."""
         for leaf in leaves(root):
             if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
                 leaf.actions, leaf.previous = None, None
@@ -187,7 +187,7 @@ class Search:
             node = node.parent
 
     def _update(self, node: Node) -> None:
-        """Updates the values of a node's actions and of the node from the values of the nodes below."""
+        """Recomputes the values of a node's actions from those of their children, then the node's value."""
         for action in node.actions or ():
             share = np.array([child.share for child in action.children])
             left = float(share @ [child.value for child in action.children]) / float(share.sum())
@@ -315,7 +315,10 @@ class Search:
         self._split(node)
 
     def _partitions(self, node: Node, squeezed: Squeezed) -> list[tuple[Rule, Outcomes]]:
-        """Partitions of the readings; at probable nodes also one without the price of mistaken readings."""
+        """The partition of the readings by the problem's rule, and at probable nodes a finer one.
+
+        The finer one puts no price on parts that stray into a branch that is squeezed again (`Rule.astray`).
+        """
         plain = self._cut(squeezed, self.problem.rule)
         if node.share < self.stage.finer:
             return [plain]

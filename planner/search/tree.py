@@ -31,7 +31,7 @@ class Squeeze:
     Attributes:
         placement: (3,) grasp pose: the hand frame in the world [mm, mm, rad].
         opening_mm: opening of the jaws on the way down.
-        clearance_mm: least distance between the open fingers there and the believed part.
+        clearance_mm: least distance between the believed part and the fingers at this opening.
         clusters: the partition of the readings.
         release: (2,) hand centre in the world where the jaws open after a drag; None: the hand does not drag.
         pushes: pushes before the squeeze.
