@@ -1,7 +1,8 @@
 """Register map and fault codes of Robotiq grippers as data, the same on every bus; decodes readings.
 
 Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
-edition, p. 43 and 55; [SDK] Robotiq's C++ SDK. Byte 2k of a block is the high byte of register k.
+edition, p. 43 and 55; [M200] 2-Finger 200 manual 2013; [ME] Hand-E manual; [SDK] Robotiq's C++ SDK. Byte 2k
+of a block is the high byte of register k.
 """
 
 from collections.abc import Mapping

@@ -213,13 +213,13 @@ def _most(test: SequentialTest, count: int) -> int:
 def _first(does: Callable[[int], bool]) -> int | None:
     """Finds the least number of parts that satisfies a condition; all greater numbers should satisfy it, too.
 
-    Returns None if no power of 2 up to `MOST_PARTS` satisfies the condition.
+    Returns None if the number is above `MOST_PARTS`.
     """
     high = 1
     while not does(high):
-        high *= 2
-        if high > MOST_PARTS:
+        if high == MOST_PARTS:
             return None
+        high = min(2 * high, MOST_PARTS)
     return bisect_left(range(high), True, high // 2 + 1, key=does)
 
 

@@ -118,3 +118,13 @@ def test_binomial_at_most_equals_scipy(most, trials, share):
 def test_parts_for_is_fewest_with_required_probability():
     count = parts_for(25, 0.1)
     assert stats.binom.sf(24, count, 0.1) >= 0.95 > stats.binom.sf(24, count - 1, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("parts", "answered"), [(9_000_000, True), (9_999_999, True), (10_100_000, False)]
+)
+def test_parts_for_answers_up_to_ten_million_parts(parts, answered):
+    """With the share s of the kind, n parts hold none of it with probability (1 - s)^n = 1 - 0.95."""
+    share = -np.expm1(np.log(0.05) / parts)
+    result = parts_for(1, share)
+    assert result is None if not answered else abs(result - parts) <= 2
