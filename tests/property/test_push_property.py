@@ -1,5 +1,6 @@
-"""Random pushes by the gripper's hand end nearly alike however computed; no part ends inside a finger.
+"""Random pushes by the gripper's hand end nearly alike in each variant; no part ends inside a finger.
 
+A variant computes the same push in another way, for example with another step or in two pieces.
 `tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """
 

@@ -39,7 +39,7 @@ JOB = programs.JOB.read_text()
 
 
 def prints(text: str) -> bool:
-    """Whether printing a text cannot move a cursor, break a line or turn a reading direction."""
+    """Whether a text is safe to print: it moves no cursor, breaks no line and turns no reading direction."""
     hidden = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
     return not any(unicodedata.category(letter) in hidden for letter in text)
 

@@ -1,4 +1,4 @@
-"""The OPC UA server over the network with the client of asyncua; each test ends its parts itself."""
+"""The OPC UA server over the network with asyncua's client. There is no cell: the tests end the parts."""
 
 import asyncio
 import os

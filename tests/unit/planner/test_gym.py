@@ -1,4 +1,4 @@
-"""The Gymnasium environment keeps the interface's rules, alone and as a vector, and repeats with its seed."""
+"""The Gymnasium environment, single or vectorised, keeps Gymnasium's rules, and a seed repeats an episode."""
 
 import warnings
 

@@ -27,7 +27,7 @@ def test_forward_zero_joints_is_pose_of_data_sheet():
 
 
 def test_inverse_is_none_beyond_reach_of_data_sheet():
-    """The reach is 580 mm from the shoulder to the wrist centre; arm and hand both point straight ahead."""
+    """The wrist centre is at most 580 mm from the shoulder; here, arm and hand point straight ahead."""
     ahead = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
     assert inverse(Pose(581.0 + 72.0, 0.0, 290.0, ahead)) is None
     target = Pose(579.0 + 72.0, 0.0, 290.0, ahead)

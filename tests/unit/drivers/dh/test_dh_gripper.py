@@ -24,7 +24,7 @@ def ready(seed=1, contact_mm=PART_MM):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_wait_late_state_register_ends_no_move_early(seed):
-    """For some cycles the register still shows that the fingers stand still, as after the previous move."""
+    """For some cycles after a command, the register shows the state in which the previous move ended."""
     _, gripper = ready(seed)
     for width_um, expected_um in ((0, 38_000), (95_000, 95_000), (60_040, 60_040), (0, 38_000)):
         gripper.move(width_um, 135.0, 45.0)

@@ -1,4 +1,4 @@
-"""Counts of a Robotiq: settings never exceed the request, and widths are linear as in the SDK."""
+"""Counts of a Robotiq: speed and force never exceed the request, and each count has its own width."""
 
 import pytest
 

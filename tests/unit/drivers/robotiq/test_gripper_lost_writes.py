@@ -11,7 +11,7 @@ from drivers.sim.devices.gripper import GripperModel
 
 
 def lose(link, times=1, before=lambda block: None):
-    """Lose the next `times` writes, but first call `before` with the block of each."""
+    """Lose the next `times` writes. Before each loss, call `before` with the bytes of the write."""
 
     def lost(block):
         nonlocal times

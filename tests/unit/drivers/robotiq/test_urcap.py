@@ -18,7 +18,10 @@ GO = pack(OUTPUT_FIELDS, {"rACT": 1, "rGTO": 1, "rPR": 255, "rSP": 9, "rFR": 7})
 
 
 def output(end=b"", **changed):
-    """A script of the socket's answers to all queries of one reading; `changed` replaces some values."""
+    """The socket's answers to the queries of one `read` of the link, as a script for `Line`.
+
+    `changed` replaces the values of some variables; each answer ends with `end`.
+    """
     values = VALUES | changed
     return [[(0.004, b"%s %d%s" % (name.encode(), values[name], end))] for name in READ]
 

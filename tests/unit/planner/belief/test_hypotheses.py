@@ -1,4 +1,4 @@
-"""Beliefs over several parts: distances and modes agree with slow versions of both functions.
+"""Beliefs over several parts: distances and modes agree with slow reference versions.
 
 Squeezes give the same results as with each part alone.
 """

@@ -30,10 +30,13 @@ def partition(poses, readings, how):
 
 
 def to_go(hits, size, estimate):
-    """Slow reference version of the rule's estimates: `hits` of `size` particles of an interval are in modes.
+    """Slow reference version of what the stopping rule `estimate` expects of one interval of readings.
+
+    The interval has `size` particles, of which `hits` are in modes.
 
     Returns:
-        The cost-to-go of each particle, and the probability that the interval misses the goal's confidence.
+        The cost-to-go of each particle, and the probability that the true share of hits is below the rule's
+        confidence.
     """
     total = size + estimate.inside + estimate.outside
     share = (hits + estimate.inside) / total
@@ -43,9 +46,10 @@ def to_go(hits, size, estimate):
 
 
 def cost(place, counts, starts, how):
-    """Slow reference version: the cost, by the rule `how`, of a partition whose intervals begin at `starts`.
+    """Slow reference version: the cost of one partition of the readings, by the rule `how`.
 
-    `place` and `counts` state the place and the reading of each particle; `starts` are readings that rise.
+    The particles have the places `place` and the readings `counts`. Each interval of the partition begins at
+    one of the readings `starts`, which rise.
     """
     total = 0.0
     for low, end in itertools.pairwise([*starts, FREE]):

@@ -43,7 +43,11 @@ def test_recut_cuts_where_the_next_squeeze_does_not_distinguish(gap, poses, read
 
 
 def test_recut_leaf_into_which_other_poses_stray_is_not_cut():
-    """Without a cut, the next squeeze distinguishes all parts; a cut would save no more than that squeeze."""
+    """A cut would make a leaf of the parts that read 100, since all of them lie at one pose.
+
+    Parts at other poses, which read 102, would stray into this leaf. Without a cut, the next squeeze
+    distinguishes the two groups.
+    """
     poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
     old = Belief.of(poses, np.repeat([100, 102], 500))
     new = Belief.of(np.repeat(lost(2), 500, axis=0), np.repeat([150, 180], 500))

@@ -1,4 +1,4 @@
-"""Certificates of tables: they cover the table's plan, and their lower bounds are below its mean squeezes."""
+"""Certificates of tables cover the plan's placements, and bound its mean number of squeezes from below."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""The progress of commands: one share for the whole work, which never falls, or is stated as unknown."""
+"""The progress of commands: the share of the whole work that is done, and the time left.
+
+The share never falls. Where the whole is unknown, only the elapsed time is printed.
+"""
 
 import re
 

@@ -1,4 +1,4 @@
-"""`plan-simulate --push`: from a file of pushes to one of motions; errors are one line."""
+"""`plan-simulate --push` turns a file of pushes into a file of motions; errors are one line."""
 
 import math
 

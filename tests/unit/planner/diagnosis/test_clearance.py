@@ -1,4 +1,7 @@
-"""The message if every first squeeze collides: how much opening is missing, which radius is small enough."""
+"""The message if every first squeeze collides.
+
+It states how much opening the jaws lack, and up to which radius of the parts' disc they open wide enough.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Reasons why a part is not located, for parts whose geometry decides them."""
+"""The stated reasons why a part is not located, for outlines and figures whose reason is known."""
 
 import math
 

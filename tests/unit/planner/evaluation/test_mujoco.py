@@ -25,7 +25,7 @@ def job_of(outline, **changes):
 
 
 def contacts(world, fingers):
-    """Depth [mm] and normal force [N] (n, 2) of the contacts with the fingers, or of those with the table."""
+    """Depth [mm] and normal force [N] (n, 2) of contacts with fingers or, if not `fingers`, the table."""
     results = []
     for number in range(world.data.ncon):
         contact, force = world.data.contact[number], np.zeros(6)

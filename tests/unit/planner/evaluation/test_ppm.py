@@ -1,4 +1,7 @@
-"""Rates of rare wrong answers: bounds that hold at every look, parts split into copies, resumed studies."""
+"""Rates of rare wrong answers, with bounds that hold however often one looks at a running study.
+
+Splitting parts into copies keeps the rates unbiased; a resumed study gives the same result.
+"""
 
 import json
 import math
@@ -27,7 +30,7 @@ def job(job):
 class Coins(Worlds):
     """A world that draws the width of each squeeze from `widths_mm` with the probabilities `shares`.
 
-    A part that reads the last width is moved a metre away with the probability `unlucky`.
+    A squeeze with the last width moves the part a metre away with the probability `unlucky`.
     """
 
     def __init__(self, widths_mm, shares, unlucky):

@@ -1,4 +1,7 @@
-"""Trials equal those of a slow reference version, turn with the table, and crash on parts under a finger."""
+"""Trials of a decision table equal a slow reference version, and a part under a finger ends in a crash.
+
+A turned decision table does with turned parts what the original does with the original parts.
+"""
 
 import math
 from dataclasses import replace

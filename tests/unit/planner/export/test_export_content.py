@@ -1,4 +1,7 @@
-"""An export's test vectors, and its runs of widths with one decision, agree with the runtime's decisions."""
+"""An export agrees with the runtime's decisions.
+
+That holds for its test vectors and for its runs: ranges of widths with the same decision.
+"""
 
 from itertools import pairwise
 

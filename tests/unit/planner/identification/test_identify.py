@@ -20,7 +20,10 @@ A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
 
 
 def ellipsoid_pairs(count: int, noise: float, seed: int = 0, friction: float = 4.0) -> pushes.Pairs:
-    """Random wrenches [N, N mm] on the ellipsoid of matrix `A`, times `friction`, and their noisy twists."""
+    """Random wrenches [N, N mm] on a limit surface, and their twists with noise.
+
+    The surface is the ellipsoid of the matrix `A`, enlarged by the factor `friction`.
+    """
     rng = np.random.default_rng(seed)
     F = rng.normal(size=(count, 3))
     F /= np.sqrt(np.einsum("ki,ij,kj->k", F, A, F))[:, None]

@@ -108,7 +108,10 @@ def test_two_and_three_contacts_are_solved_only_where_all_press(contacts, count)
 
 
 def test_solve_one_to_three_contacts_agrees_with_lemke():
-    """A motion is one that trying all contact modes finds; without one, Lemke's method returns `RAY`, too."""
+    """Any motion that the solver returns is one of those that trying all contact modes gives.
+
+    Where the solver returns `RAY` instead, so does Lemke's method.
+    """
     rng = np.random.default_rng(3)
     for k in range(300):
         problem = problems.random_contacts(rng, 1 + k % 3)

@@ -92,7 +92,7 @@ def test_clearance_equals_distance_to_the_part_below_the_finger(finger):
 
 @FINGERS
 def test_blocked_where_finger_and_part_share_area(finger):
-    """Also if no vertex of the part lies inside the finger, and if the finger lies inside the part."""
+    """A finger is blocked also if no vertex of the part is in it, and if the part surrounds the finger."""
     verdicts = set()
     for rng, points, _ in scenes(4, 150, radius=20.0):
         points = points * rng.choice([0.3, 1.0, 3.0])
@@ -146,7 +146,7 @@ def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tu
 
 
 def test_find_returns_pairs_of_features_at_their_gap():
-    """A contact states a point on the part; one gap away, against the normal, is a point on the finger."""
+    """A contact states a point on the part. The finger's point lies one gap away, against the normal."""
     kinds = []
     for rng, points, pose in scenes(7, 200, radius=20.0):
         top, bottom = (
@@ -203,7 +203,7 @@ def test_find_part_behind_a_finger_touches_its_outer_corner(finger):
 
 
 def meets(outline, pose, width_mm, jaws, share):
-    """Slow reference version: whether a point on the part's edges lies in a finger of jaws at a width."""
+    """Slow reference version: whether jaws that are `width_mm` apart overlap the edges of the part."""
     corners = place(outline, pose)
     ends = np.roll(corners, -1, axis=0)
     edge = np.concatenate(

@@ -1,4 +1,4 @@
-"""The seconds of the sensorless plan are those of the table's model of time."""
+"""The time of a sensorless plan is computed by the model of time that tables use."""
 
 import numpy as np
 import pytest

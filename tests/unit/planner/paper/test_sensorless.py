@@ -19,7 +19,10 @@ def outlines():
 
 
 def carried_out(outline, angles, rng):
-    """Angles in the world at which 300 random parts end after squeezes at `angles`, by the function alone."""
+    """Angles in the world at which 300 random parts end after squeezes at `angles`.
+
+    Each squeeze is Goldberg's squeeze function; the simulator is not used.
+    """
     function = SqueezeFunction.of(outline)
     theta = rng.uniform(-4.0, 4.0, 300)
     for angle in angles:

@@ -12,7 +12,7 @@ PARTS = 100
 def shares(feature):
     """Probabilities (m, 4) of four outcomes in m cells.
 
-    That of the first outcome grows with the cell's feature (m,); the last outcome is rare.
+    The greater a cell's `feature` (m,), the more probable is the first outcome. The last outcome is rare.
     """
     first = 1.0 / (1.0 + np.exp(-feature))
     return np.stack(

@@ -10,7 +10,7 @@ from runtime.table import predicted_pose
 
 
 def test_outcomes_of_journal_and_simulation_are_equal(job, table):
-    """Outcomes of the same parts are counted once as from a journal and once as from a simulation.
+    """The same parts are counted in two ways: as if a journal described them, and as a simulation gives them.
 
     In this cell the fingers meet 2 mm off the hand's middle. Two leaves are audited; a third of the parts
     that end there lies half a turn off the stated pose.

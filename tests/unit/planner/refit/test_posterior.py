@@ -24,7 +24,7 @@ SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
 
 
 class Plain:
-    """A stand-in for `Cells`: at three nodes parts read the cell's values with normal noise.
+    """A stand-in for `Cells`: at three nodes, the readings are the cell's three values with normal noise.
 
     At a fourth node the limit surface decides how many parts read 100.
     """

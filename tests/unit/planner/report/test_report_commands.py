@@ -1,4 +1,4 @@
-"""plan-simulate: poses in degrees, options of its pictures, and what importing the commands loads."""
+"""plan-simulate: poses in degrees, options of its pictures. Importing the commands loads no slow library."""
 
 import csv
 import math

@@ -25,7 +25,7 @@ def test_passes_exploring_pass_equals_the_one_before_but_for_work():
 
 
 def test_passes_are_pairwise_different():
-    """`Search.begin` seeds a pass with its index, so that equal passes would draw the same particles."""
+    """`Search.begin` seeds a pass with its index in `PASSES`: equal passes would draw equal particles."""
     assert [PASSES.index(each) for each in PASSES] == list(range(len(PASSES)))
 
 

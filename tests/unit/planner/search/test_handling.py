@@ -34,7 +34,7 @@ def test_opening_uneven_fingers_is_full(job):
 
 @pytest.fixture
 def belief():
-    """A belief with just enough particles for the jaws to open only as wide as needed."""
+    """A belief of `LEAST_PARTICLES` particles, the fewest with which the jaws open only as wide as needed."""
     return Belief.of(np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1)))
 
 

@@ -1,4 +1,4 @@
-"""The ranking of grasp poses: its kernel equals a computation from branches, one belief at a time."""
+"""The ranking of grasp poses: the kernel's costs equal those that follow from the branches of each belief."""
 
 import numpy as np
 import pytest

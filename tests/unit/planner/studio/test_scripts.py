@@ -112,7 +112,7 @@ def test_make_markup_in_a_name_is_text(seen):
 def page_with(answers):
     """The studio's page as one HTML text, with stubs for the server.
 
-    `answers` are the server's answers by path; to a path with None it does not answer.
+    `answers` maps each path to the server's answer; where that is None, the request fails.
     """
     scripts = (*SCRIPTS, f"{FOLDER}/studio.js")
     common, *modules = ((ROOT / name).read_text("utf-8") for name in scripts)

@@ -18,7 +18,7 @@ MOVING = ("move", "wait", "move_linear")
 
 
 class Interrupted:
-    """A device whose moving call number `at` ends in a stop request."""
+    """A device that logs its moving calls; the call with the index `at` in the log ends in a stop request."""
 
     def __init__(self, device: object, log: list[str], at: int) -> None:
         self._device, self._log, self._at = device, log, at
@@ -39,7 +39,7 @@ class Interrupted:
 
 
 def drivers(cell: VirtualCell, log: list[str], at: int) -> SimpleNamespace:
-    """Drivers of a cell's gripper and arm; their moving call number `at` ends in a stop request."""
+    """Drivers of a cell's gripper and arm, each an `Interrupted` device; both write to the same log."""
     return SimpleNamespace(
         gripper=lambda port, profile: Interrupted(cell.gripper(), log, at),
         arm=lambda port: Interrupted(cell.arm(), log, at),

@@ -123,7 +123,7 @@ def test_check_table_misfit_is_reported():
 
 
 class Drivers:
-    """A stand-in for the drivers: its gripper is a fake, or it raises `error`."""
+    """A stand-in for the drivers: connecting to the gripper returns a fake one, or raises `error`."""
 
     def __init__(self, error: Exception | None = None) -> None:
         self.rig, self.error = fake_cell([]), error

@@ -99,7 +99,7 @@ class Running:
         return kept
 
     def run(self, program: Callable[[TcpPlc], None]) -> int:
-        """Run with a PLC's program; returns the exit code.
+        """Runs the cell while a PLC's program runs in a thread; returns the run's exit code.
 
         Raises:
             Exception: what the program or the run raised.

@@ -42,7 +42,7 @@ def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0) -> dict[str, object]:
-    """The present moment on two clocks, the date and the uptime, that are `wall_s` and `up_s` ahead."""
+    """The present moment, but with a date that is `wall_s` later and an uptime that is `up_s` longer."""
     uptime = SystemClock().uptime()
     date = datetime.now(UTC) + timedelta(seconds=wall_s)
     return {**uptime, "time": date.isoformat(), "up_s": float(uptime["up_s"]) + up_s}

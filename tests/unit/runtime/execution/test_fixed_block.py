@@ -45,10 +45,10 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Yields, for both orientations of the hand, its place at simultaneous contact, and grips nearby.
+    """Yields, for each of two opposite orientations of the hand, a position of the hand and grips near it.
 
-    At this place, both fingers meet the block at the same time. The block is `block_mm` off the middle;
-    `read` turns the opening of the fingers into a reading.
+    At this position, both fingers meet the block at the same time. Positions are along the closing axis;
+    the block is at `block_mm` in the first orientation. `read` turns an opening into a reading.
     """
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):

@@ -142,7 +142,7 @@ def test_executor_delivery_uses_its_work_area():
 
 
 def taken_and_put(rig: FakeCell, text: str, table: Table) -> tuple[float, float]:
-    """The hand's angles [deg] at the grip of the part and where the part is put down."""
+    """The hand's angles [deg] where it takes a part and where it puts the part down."""
     assert run(rig, RunOptions(delivery=from_text(text)), table).delivery == "done"
     angles = [round(degrees(target[3]), 3) for target in arm_moves(rig)]
     return angles[-5], angles[-1]

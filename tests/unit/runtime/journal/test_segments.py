@@ -1,4 +1,4 @@
-"""A journal in segments: each ends between two parts, all form one chain, a start reads only the last."""
+"""A journal in segments: each ends between two parts, all form one chain, a new run reads only the last."""
 
 import os
 import shutil
@@ -84,7 +84,10 @@ def test_journal_in_segments_reads_the_same_as_in_one_file(pair):
 
 
 def test_broken_run_of_last_part_equals_that_of_all_records(tmp_path):
-    """After whichever line a run breaks off, its last part's records alone describe it as all records do."""
+    """Wherever a run breaks off, the records of its last part suffice to describe the break.
+
+    The test cuts the journal after each line in turn.
+    """
     for cut in count(1):
         path = tmp_path / f"{cut}.jsonl"
         write_run(path, segment_bytes=1)

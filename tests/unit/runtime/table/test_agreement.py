@@ -67,7 +67,10 @@ def test_dumps_leaves_shifted_15_mm_are_refused(direction):
 
 
 def test_dumps_leaf_turned_by_quarter_is_refused():
-    """The turned rectangle is 30 mm wide, but its leaf follows a reading of 21 mm; `doubt` is empty."""
+    """The turned rectangle is 30 mm wide, but its leaf follows a reading of 21 mm.
+
+    The job's section `doubt` is emptied, since doubts allow larger errors of poses and widths.
+    """
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
     quarter = round(1e6 * pi / 2)
     branches = [branch for node in TABLE.nodes for branch in node.branches]
@@ -113,7 +116,7 @@ def test_dumps_parts_differing_from_job_are_refused(changes, said):
 
 
 def test_dumps_sections_missing_from_job_are_not_compared():
-    """The table is valid if its job has only one of the sections, and if its job lacks one of them."""
+    """The table stays valid if its job keeps only one section, and if its job loses one."""
     job = json.loads(TABLE.job or "")
     for name, value in job.items():
         dumps(with_job(TABLE, json.dumps({name: value})))

@@ -14,7 +14,7 @@ SHAPE = _shape([(float(x), float(y)) for x, y in FORK])
 
 
 def held(width_mm: float, pose: tuple[float, float, float]) -> bool:
-    """Whether jaws about the origin that read a width hold the fork at a pose."""
+    """Whether jaws `width_mm` apart, with their middle at the origin, hold the fork at a pose."""
     grip = Grip((0.0, 0.0, 0.0), 13.75, -width_mm / 2, width_mm / 2, 1.0)
     return _is_held(SHAPE, pose, grip, 0.0)
 

@@ -101,7 +101,7 @@ def test_decide_flag_contradicting_width_rejects():
 
 @pytest.mark.parametrize("width", [-(10**9), -1, 85_001, 10**9])
 def test_decide_width_outside_stroke_rejects(width):
-    """Also if branches cover the whole stroke."""
+    """A width outside the stroke is rejected even if the node's branches cover the whole stroke."""
     nothing, any_grip = (0, 0, 1_999), (2_000, 40_000, 85_000)
     for node in (small_table().nodes[0], node_of(nothing, any_grip)):
         decided = decision_map(node, GRIPPER)

@@ -240,9 +240,10 @@ def parts(goal):
 
 
 def audit_of_several(lies, said, *subjects, predicted=POSE):
-    """The auditor's answer if the picture shows part number `lies` and the table stated the name `said`.
+    """The auditor's answer to a picture of one part.
 
-    `subjects` are the parts that the auditor knows; `predicted` is the pose that the table stated.
+    `lies` is the number of the part in the picture, and `subjects` are the parts that the auditor knows. The
+    table stated the part with the name `said` at the pose `predicted`.
     """
     picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
     auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)

@@ -20,7 +20,7 @@ class Passing:
 
 
 def answers(asked: bytes) -> list[dict[str, object]]:
-    """The audit's answers to lines `asked` that come down a pipe, which then ends."""
+    """Writes the lines `asked` into a pipe and closes it; returns the audit's answers to them."""
     reading, writing = os.pipe()
 
     def ask():

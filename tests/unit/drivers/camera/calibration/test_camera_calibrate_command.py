@@ -1,4 +1,4 @@
-"""`grasp-calibrate camera` and `tag` on rendered pictures: exact to 0.1 mm; errors are one line."""
+"""`grasp-calibrate camera` and `tag` on rendered pictures: exact to 0.1 mm; mistakes give one line."""
 
 import json
 import re

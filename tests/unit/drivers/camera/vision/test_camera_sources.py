@@ -153,7 +153,7 @@ def test_still_dripping_answer_is_reported_in_time(start):
 
 
 def test_stream_picture_is_taken_after_request(stream_url, counter, flowing):
-    """FFmpeg buffers pictures while it probes the stream; the test waits until they are read."""
+    """FFmpeg buffers pictures while it probes the stream; the test first lets the source read these."""
     with contextlib.closing(open_source(stream_url)) as source:
         assert isinstance(source, Stream)
         source.picture(soon())

@@ -94,7 +94,7 @@ def test_camera_in_rehearsal_is_refused():
 
 
 def test_album_pictures_calibrate_camera_that_locates_part(tmp_path):
-    """The album shows two parts, and the calibration writes a tag file for each."""
+    """The album holds the pictures for a calibration. It shows two parts, and each gets a tag file."""
     names, folder = ["hex nut", "spacer; rm"], tmp_path / "a folder"
     for words in album.write(RIG, folder, 3, names):
         with contextlib.redirect_stdout(io.StringIO()):

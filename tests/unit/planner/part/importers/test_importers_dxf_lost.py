@@ -1,4 +1,4 @@
-"""Shapes of DXF files that cannot be read: they are named, and refused where they may be the outline."""
+"""Unreadable shapes of DXF files are named, and a file is refused if such a shape may be its outline."""
 
 import re
 
@@ -18,7 +18,10 @@ def plate(space, **attributes):
 
 
 def spline(**broken):
-    """Draws a spline with changed attributes, each given as a function of its value."""
+    """Returns a function that draws a spline and then changes some of its attributes.
+
+    `broken` maps an attribute's name to a function from the old value to the new one.
+    """
 
     def draw(space, _):
         curve = space.add_open_spline(ROUND)

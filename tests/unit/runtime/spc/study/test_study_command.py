@@ -1,4 +1,4 @@
-"""`grasp-audit study`: a verdict with its own exit code, the sheet, the plan, and bad input in one line."""
+"""`grasp-audit study`: a verdict with its own exit code, the sheet, the plan; errors are one line."""
 
 import csv
 import json
