@@ -1,18 +1,22 @@
-"""Partition of readings into branches: intervals with the least expected cost-to-go (paper V.A, by value).
+"""Partition of readings into branches: intervals with the least expected cost-to-go.
+
+The paper (V.A) clusters readings instead.
 
 A plan branches on the encoder's reading. Any two readings that occurred may be separated by a cut. A set of
 cuts costs
 
     sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a reading within `reach` of the cut)
 
-where J(b) is the cost-to-go of the particles read in the interval. J is lower the fewer poses the particles
-lie at, so cuts separate the widths of one final pose from rarer widths beside them. The second sum
-keeps cuts away from readings that occur: an encoder a little off would take such parts into the wrong branch.
-Dynamic programming finds the cuts of least cost.
+where J(b) is the cost-to-go of the particles read in the interval, and the price `doubt` weighs the second
+sum. J is low where most particles of an interval lie at one pose, so it pays to cut between the widths of one
+pose and rarer widths of other poses beside them. The second sum keeps cuts away from readings that occur: an
+encoder a little off would take such parts into the wrong branch. Dynamic programming finds the cuts of least
+cost.
 
-The share of an interval's particles that lie at one pose is found from a list of candidate poses. The numbers
-of particles within the goal of each candidate are summed over cells of readings once, for all intervals.
-Readings of an empty hand (the part slipped out or was never touched) are always an interval of their own.
+The share of an interval's particles that lie at one pose is found from a list of candidate poses. For each
+candidate the particles within its goal are counted once, as running totals over cells of readings; the count
+in an interval is the difference of two totals. Readings of an empty hand (the part slipped out or was never
+touched) are always an interval of their own.
 
 A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps. This
 limits the arrays for encoders of any resolution, and with them the time, which is quadratic in their size.
@@ -271,7 +275,7 @@ def tally(
 def least_cost(
     counted: Sums, misread: Sums, reach: Reach, apart: BoolArray, costs: Costs
 ) -> tuple[float, IntArray]:
-    """The least cost of cutting particles of m counts into intervals, and the cuts.
+    """Cuts the m counts that occur into intervals at the least cost.
 
     Args:
         counted: the particles.
@@ -281,7 +285,8 @@ def least_cost(
         costs: costs of branches and leaves.
 
     Returns:
-        The cost, and (m + 1,) where the last interval of the first j counts begins.
+        The cost, and an array (m + 1,): entry j is the index of the count at which the last interval begins
+        if only the first j counts are cut.
     """
     m, failure = counted.size.shape[0] - 1, costs.stopping.failure
     least, start = np.full(m + 1, np.inf), np.zeros(m + 1, np.int64)
@@ -339,7 +344,10 @@ def mutually_apart(poses: Array, costs: Costs) -> BoolArray:
 
 @kernel
 def _best_modes(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> int:
-    """Number of particles of counts i to j - 1 within the goal of the best `modes` candidates, all apart."""
+    """Number of particles, read as counts i to j - 1, within the goal of one of the best candidates.
+
+    There are at most `modes` such candidates, of which each two are apart.
+    """
     c, total = hits.shape[1], 0
     chosen = np.empty(modes, np.int64)
     for mode in range(modes):

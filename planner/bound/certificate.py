@@ -110,8 +110,8 @@ class Covered:
     def _node(self, history: History) -> int:
         """Index of the node that the table reaches after a history; negative if there is none.
 
-        There is none if a placement of the history differs from the table's, or if the table ends at a leaf
-        or with REJECT.
+        There is none if the history squeezes at another grasp pose than the table does, or if the table ends
+        before the history does, at a leaf or with REJECT.
         """
         if not history:
             return 0

@@ -91,10 +91,10 @@ def worth_trying(levels: list[Level], level: int, price: float, confidence: floa
 def _values(
     levels: list[Level], price: float, confidence: float
 ) -> list[tuple[Array, Array, IntArray]]:
-    """Least cost, cost of another squeeze, and best placement of the histories (h,) of each level.
+    """For the histories (h,) of each level: the least cost, the cost if one more squeeze follows, and which.
 
-    Costs are sums over the parts of a history. The best placement is an index into the squeezes of the next
-    level; -1 for a history that was not extended.
+    A cost is the sum over all parts that have the history. The best next squeeze is an index into the
+    squeezes of the next level; -1 for a history that was not extended.
     """
     results = list[tuple[Array, Array, IntArray]]()
     for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):

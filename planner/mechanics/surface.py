@@ -116,7 +116,10 @@ def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
 
 
 def nominal(surface: Surface) -> Array:
-    """A surface as kernels need it: (3, 3) the A of an ellipsoid or (6, 6) the Hessian table of a quartic."""
+    """The array by which kernels know a surface, without scatter.
+
+    It is the matrix A (3, 3) of an ellipsoid, or the table (6, 6) of the Hessian of a quartic.
+    """
     return surface.A if isinstance(surface, LimitSurface) else surface.hessian_table()
 
 

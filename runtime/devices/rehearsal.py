@@ -48,9 +48,11 @@ class Rehearsal:
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """Squeezes a part that lies at a pose in the hand's frame [mm, mm, rad].
 
+        The branch that the part takes is drawn with the probabilities of the table.
+
         Returns:
-            The pose, unchanged; the width in mm, without encoder noise; and "grasped", or "untouched" where
-            nothing is held at the drawn branch.
+            The pose, unchanged; the width of the branch in mm, without encoder noise; and "grasped", or
+            "untouched" if the branch is that of an empty hand.
         """
         index = self._node_of(pose_hand)
         if index is None:

@@ -10,7 +10,11 @@ from math import sqrt
 
 @dataclass(frozen=True, slots=True)
 class TipArc:
-    """The arc of one gripper's tips; custom fingers change the offset, never the link."""
+    """The arc on which a gripper's finger tips move as they close.
+
+    Links of the gripper turn the fingers. Their length is that of the model; custom fingers change only the
+    offset of the tips.
+    """
 
     link_mm: float = 57.15  # L, the finger links' length
     offset_mm: float = 5.0  # c, how far inside the opening the pads stand from the link's end

@@ -128,7 +128,7 @@ def planned(layer: str, part: str, seed: int) -> Plan:
 
 
 def report(plans: list[Plan]) -> str:
-    """The table: for each layer, how much total, squeezes and processor time rise without the layer."""
+    """The table of results: by how much total, squeezes and processor time rise without each layer."""
     whole = {(plan.part, plan.seed): plan for plan in plans if plan.without == NONE}
     lines = [
         f"{'without':16} {'plans':>5}  {'total':>14}  {'squeezes':>14}  {'seconds':>7}  the layer"

@@ -96,7 +96,7 @@ class ArmDevice:
 
 
 class Rig:
-    """A simulated device of the class `device_of`, which is served on a TCP port."""
+    """A simulated device, served on a TCP port; a subclass names the device's class in `device_of`."""
 
     def __init__(self):
         self._site = Site(SCALE)

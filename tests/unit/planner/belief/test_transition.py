@@ -44,7 +44,7 @@ def test_squeeze_uses_and_keeps_the_friction_of_each_particle(job):
 
 
 def test_outcomes_empty_hand_is_separate_from_a_thin_part():
-    """The empty hand reads 117 steps and a part of 2 mm reads 114, close enough to share a cluster."""
+    """Their outcomes are separate, although the readings 117 and 114 are near enough to share a cluster."""
     encoder = Encoder(85.0, 117, 0.01)
     width = np.repeat([0.0, 2.0], 50)
 

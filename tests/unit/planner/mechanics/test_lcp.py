@@ -73,7 +73,7 @@ def random_problem(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.
 
 @pytest.mark.parametrize("kind", ["P", "degenerate semidefinite", "integer"])
 def test_lemke_random_problem_agrees_with_all_bases(kind):
-    """P and semidefinite problems with a solution are solved; on other problems the method never cycles.
+    """Problems with a P-matrix, and solvable ones with a semidefinite matrix, are solved; none makes a cycle.
 
     Cottle, Pang & Stone, The Linear Complementarity Problem (1992), theorems 3.3.7 and 4.4.1.
     """

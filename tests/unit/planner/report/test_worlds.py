@@ -1,4 +1,4 @@
-"""The report states the compiler's figures, and states another world's figures alike in all places."""
+"""The report states the compiler's figures; figures of another world are the same in all places."""
 
 import re
 
