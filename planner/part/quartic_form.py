@@ -60,7 +60,8 @@ def _null_space(rows: Array) -> Array:
 def gram(coefficients: Array) -> Array:
     """Returns for each quartic H (..., 15) a matrix Q (..., 9, 9) with y^T Q y = z^T hess H(w) z.
 
-    This holds for all w and z; y holds their nine products z_i w_j. Q is 12 times the 4-tensor of H; it need not be positive definite.
+    This holds for all w and z; y holds their nine products z_i w_j. Q is 12 times the 4-tensor of H; it need
+    not be positive definite.
     """
     shares = 12.0 * np.asarray(coefficients) / _MULTIPLICITY
     return np.asarray(np.tensordot(shares, _ENTRIES, axes=1))
