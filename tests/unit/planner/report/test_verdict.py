@@ -65,7 +65,8 @@ def test_cell_result_all_located_is_good_and_failed_audit_is_poor():
     parts = [PartLog(k, [], "leaf", 0) for k in range(1, 4)]
     assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "good"
     parts[0] = replace(parts[0], audit="fail")
-    assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "poor"
+    result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
+    assert result == ("poor", "2 of 3 parts located, 1 refuted by the audit")
 
 
 def test_verdict_conditions_keep_the_strictest_of_each_kind():
