@@ -70,12 +70,12 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
     return folder
 
 
-def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
-    """Runs blocks in one shell in the folder `work`; returns the lines that each block prints.
+def run(blocks: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
+    """Runs `blocks` in one shell in the folder `work`; returns the lines that each block prints.
 
     The result has a list of lines for each block, and an empty list at the end.
     """
-    script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
+    script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in blocks)
     words = ("bash", "-euo", "pipefail", "-c", f"exec 2>&1\n{script}")
     code, out, _ = ended(words, cwd=work, env=environment, timeout=280)
     assert code == 0, out
