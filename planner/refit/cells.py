@@ -119,7 +119,7 @@ class Off(Disturbance):
 
     all_alike: Traits | None = None  # (1,) latent parameters of all parts; None: as planned
 
-    def traits(self, job: Job, n: int, rng: Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
+    def traits(self, job: Job, n: int, rng: Generator, contact: bool = True) -> Traits:  # noqa: ARG002
         """The latent parameters (n,) of n parts: equal ones, with an outline error drawn for each part."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:
