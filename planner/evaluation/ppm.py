@@ -140,7 +140,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
     """Sums of squared weights (leaves + 1,): one for each leaf, then one for all leaves together.
 
     Each part contributes a square to the sum of a leaf: the weights of its copies in this leaf are added up,
-    and the total is squared. For the last sum, the weights of all its copies are added up before squaring.
+    and the total is squared. For the last sum, the weights of its copies in any leaf are added up first.
     """
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))

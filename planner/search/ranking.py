@@ -112,10 +112,10 @@ class Ranking:
     actions: ActionSet
 
     def candidates(self, belief: Belief, about: Belief) -> Array:
-        """Proposes grasp poses (k, 3) for a belief; open fingers clear the belief at each of them.
+        """Proposes grasp poses (k, 3) for a belief, and keeps those at which open fingers clear it.
 
         Args:
-            belief: the belief that open fingers must clear.
+            belief: the belief that open fingers have to clear, as `free` describes.
             about: the belief itself or a sample of it; its poses decide which grasp poses are proposed.
         """
         if self.actions.first is not None and not belief.touched:
