@@ -48,8 +48,8 @@ class Rule(NamedTuple):
         resolution: the resolution of the encoder.
         doubt: probability that a part near a cut strays into a leaf beyond it; a larger value gives fewer
             wrong answers where encoders are off, and more squeezes.
-        astray: cost of a part that strays into a branch that is squeezed again [squeezes]; a larger value
-            has the same effects.
+        astray: cost of a part that strays into a branch after which another squeeze follows [squeezes]; a
+            larger value has the same effects as a larger `doubt`.
         branch: cost of one interval, in units of one squeeze of one particle; a larger value gives smaller
             tables, a smaller one fits noise.
         reach: distance within which a reading counts as near a cut, in units of the scatter

@@ -1,4 +1,4 @@
-"""Splits of a branch that the next squeeze shows to be worthwhile (paper V.A, by value)."""
+"""Splits a branch where the outcome of the next squeeze shows that this lowers the cost (see paper V.A)."""
 
 import numpy as np
 
@@ -22,7 +22,8 @@ def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
         rule: how readings are cut.
 
     Returns:
-        The first readings of all pieces but the lowest, rising; none where the interval stays whole.
+        The lowest reading of each piece, in rising order, without that of the lowest piece; empty if the
+        interval stays whole.
     """
     cuts = _recut(old.states, old.reading, new.states, new.reading, rule.compiled())
     return np.sort(cuts)

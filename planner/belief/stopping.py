@@ -42,9 +42,10 @@ class StoppingRule(NamedTuple):
         return ratio >= self.confidence
 
     def refuted(self, hits: int, trials: int) -> bool:
-        """Whether fresh trials show that a leaf misses its confidence, or make it likely.
+        """Whether fresh trials refute that a leaf reaches the confidence.
 
-        They make it likely if there are at least `LEAST_TRIALS` with a share of hits below the confidence.
+        They do if a significance test says so. They also do if there are at least `LEAST_TRIALS` trials, and
+        the share of hits among them is below the confidence.
         """
         fails = trials >= LEAST_TRIALS and hits < self.confidence * trials
         return fails or tables.refuted(hits, trials, self.confidence)

@@ -96,7 +96,7 @@ def _localise(
         poses: (n, 3) the poses of a group [mm, mm, rad].
         weights: (6,) the single row of `Metric.weights`.
         period: period of the angle [rad].
-        least: number of poses that a prediction must locate to matter, more than half of them.
+        least: number of poses that a prediction must locate to matter; more than half of the n poses.
         local: receives the converted poses (n, 3).
         column: (n,) work space.
 

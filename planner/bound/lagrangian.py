@@ -91,10 +91,14 @@ def worth_trying(levels: list[Level], level: int, price: float, confidence: floa
 def _values(
     levels: list[Level], price: float, confidence: float
 ) -> list[tuple[Array, Array, IntArray]]:
-    """For the histories (h,) of each level: the least cost, the cost if one more squeeze follows, and which.
+    """Computes the least costs after all histories, level by level.
 
-    A cost is the sum over all parts that have the history. The best next squeeze is an index into the
-    squeezes of the next level; -1 for a history that was not extended.
+    A cost is the sum over all parts that have the history.
+
+    Returns:
+        For each level with h histories: the least cost (h,) after each history, the least cost (h,) if one
+        more squeeze follows, and the best next squeeze (h,). This squeeze is an index into the squeezes of
+        the next level; it is -1 for a history that was not extended.
     """
     results = list[tuple[Array, Array, IntArray]]()
     for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):

@@ -150,7 +150,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
-    """Counts the trials that ended at a wrong leaf, for each pair of wrong leaf and leaf nearest to the part.
+    """Counts the trials that ended at a wrong leaf, by that leaf and by the leaf nearest to the part.
 
     The most frequent pair comes first.
     """
@@ -166,7 +166,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
 
 
 def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
-    """The at most `most` confident wrong answers with the largest errors, the largest error first."""
+    """The confident wrong answers with the largest errors: `most` at most, the largest error first."""
     wrong = np.flatnonzero(evaluation.wrong)
     order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
     encoder, mistakes = encoder_of_table(table), list[Mistake]()

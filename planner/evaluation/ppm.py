@@ -139,8 +139,8 @@ def _sum(group: IntArray, weight: Array, groups: int) -> Array:
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
     """Sums of squared weights (leaves + 1,): one for each leaf, then one for all leaves together.
 
-    The sum of a leaf squares, for each part, the weight of all copies of the part in that leaf. The last sum
-    squares, for each part, the weight of all its copies in any of the leaves.
+    Each part contributes a square to the sum of a leaf: the weights of its copies in this leaf are added up,
+    and the total is squared. For the last sum, the weights of its copies in any leaf are added up first.
     """
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))

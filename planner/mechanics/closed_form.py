@@ -1,5 +1,8 @@
 """Solves the step for one, two or three contacts in closed form: tries the modes of sliding and sticking.
 
+N and T are the wrench directions of a contact along its normal and its tangent, mu is its friction, and A is
+the matrix of the limit surface; see `planner.mechanics.step`, also for the equations.
+
 In a mode, each contact either slides or sticks. A contact that slides in the sense s = +-1 has a force of
 unknown magnitude along N + s mu T, and one condition on the motion, along N. A contact that sticks has
 unknown forces along N and T, and conditions along N and T. With G = [N T]^T A [N T], every mode is a linear

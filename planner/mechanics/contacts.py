@@ -12,7 +12,8 @@ A pusher of points or round tips (`find_points`) touches an edge as a finger's c
 convex vertex (TIP).
 
 A pair counts only where its normal lies in the normal cones of both features. This does not apply to an edge
-that is nearly parallel to a finger's face: its pairs count, and so hold a flush edge longer than the finger.
+that is nearly parallel to a finger's face: its pairs count, so that a finger also holds a flush edge that is
+longer than the finger.
 
 Outlines are stored as columns (2, N), so that loops over vertices are vectorised.
 """
@@ -335,10 +336,10 @@ def find(
 ) -> int:
     """Finds all contacts whose gaps are at most `margin` [mm]; returns their number.
 
-    A vertex can touch an inner face if neither neighbouring vertex is nearer to the face. The nearer one of
-    these two neighbours can touch the face, too. The contacts are written into `contacts`, and the outcodes
-    of `mark` into `out` (N,). `points` (2, N) is the outline in the hand frame, counter-clockwise [mm], of
-    the part at pose q (3,).
+    A vertex can touch an inner face if neither of its two neighbours is nearer to the face. The neighbour
+    that is nearer to the face than the other one can then touch the face, too. The contacts are
+    written into `contacts`, and the outcodes of `mark` into `out` (N,). `points` (2, N) is the outline in
+    the hand frame, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)

@@ -96,9 +96,9 @@ def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Arr
 def twist_directions(count: int = DIRECTIONS) -> Array:
     """Unit twists (K, 3) spread evenly over the sphere, the same at every call.
 
-    They are `count` / 4 Fibonacci points, each with both signs of y and both of z, so that a part that is its
-    own mirror image gets a symmetric ellipsoid. The other sign of x would add nothing, since an opposite
-    twist has the opposite wrench.
+    They are `count` / 4 Fibonacci points, each with both signs of its second component and both signs of its
+    third one, so that a part that is its own mirror image gets a symmetric ellipsoid. The other sign of the
+    first component would add nothing, since an opposite twist has the opposite wrench.
     """
     index = np.arange(max(count // 4, 1)) + 0.5
     z = 1.0 - 2.0 * index / len(index)

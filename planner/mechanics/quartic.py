@@ -73,7 +73,7 @@ class QuarticSurface:
 
 
 def of_ellipsoid(A: Array, rho_mm: float) -> QuarticSurface:
-    """The ellipsoid as a quartic: H = (F^T A F)^2, with Q = 8 vec(A) vec(A)^T + 4 A x A."""
+    """The ellipsoid as a quartic: H = (F^T A F)^2, with Q = 8 vec(A) vec(A)^T + 4 kron(A, A)."""
     return from_certificate(8.0 * np.outer(A, A) + 4.0 * np.kron(A, A), rho_mm)
 
 

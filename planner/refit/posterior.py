@@ -166,7 +166,7 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """Returns an exponent that evens out the likelihoods of n cells, so that no few of them dominate.
+    """Returns an exponent that evens out the likelihoods of n cells, so that a few cells do not dominate.
 
     Each cell has its likelihood, raised to the exponent, as weight. The exponent is the largest one up to 1
     for which the effective sample size of these weights is at least `effective`, or 0.9 n if that is less.

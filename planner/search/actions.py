@@ -45,7 +45,7 @@ class ActionSet:
         placements: (k, 3) fixed placements, which are poses of the hand frame in the world [mm, mm, rad].
         proposals: placements relative to a belief, for each hypothesis; empty for none.
         area: ((x_min, y_min), (x_max, y_max)) in which the hand may be placed.
-        first: (m, 3) placements of the first squeeze; None: the placements of any other squeeze.
+        first: (m, 3) placements of the first squeeze; None: the same as those of all other squeezes.
     """
 
     placements: Array

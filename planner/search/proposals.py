@@ -70,7 +70,7 @@ def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
     Args:
         reach_mm: largest distance of the outline from the part's origin.
         half_mm: half the length of the fingers.
-        n: number of grasp poses; those for a smaller n are the first of those for a larger n.
+        n: number of grasp poses; a larger n adds grasp poses and keeps the earlier ones.
 
     Returns:
         (n, 3) the hand in the part's frame [mm, mm, rad].

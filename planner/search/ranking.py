@@ -112,7 +112,12 @@ class Ranking:
     actions: ActionSet
 
     def candidates(self, belief: Belief, about: Belief) -> Array:
-        """Grasp poses (k, 3) proposed for the belief `about`, at which open fingers clear `belief`."""
+        """Proposes grasp poses (k, 3) for a belief, and keeps those at which open fingers clear it.
+
+        Args:
+            belief: the belief that open fingers have to clear, as `free` describes.
+            about: the belief itself or a sample of it; its poses decide which grasp poses are proposed.
+        """
         if self.actions.first is not None and not belief.touched:
             return self.free(belief, self.actions.first)
         sides = self.actions.along_sides(about.states, self.problem.metric)
@@ -124,7 +129,7 @@ class Ranking:
         return self.free(belief, np.concatenate(options))
 
     def rank(self, belief: Belief, placements: Array, rng: Generator) -> Options:
-        """Ranks grasp poses (k, 3) of a belief: drops the worse ones early, judges the last by all particles.
+        """Ranks grasp poses (k, 3) of a belief: drops the worse ones early, judges the rest by all particles.
 
         The ranking counts squeezes, even if the job minimises seconds. The times of two grasp poses differ by
         less than the error of the estimate, and ranking by time would prefer quick grasp poses that reveal

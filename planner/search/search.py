@@ -3,11 +3,11 @@
 A pass expands the leaves of the best partial plan with the largest probability x value, a few at once, until
 none is open, and backs the values up; the best action of any node may change on the way. Expanding ranks
 many grasp poses by one squeeze each and then squeezes the node's whole belief at the best few; each becomes
-an action, or two at a probable node, whose readings are partitioned by two rules. A pass draws new particles,
-in the end twice as many as the pass before, and its nodes first try the actions that were best at their
-counterparts: a winner is valued by particles that did not choose it. One early pass keeps the tree instead
-and expands it below other first squeezes. Fresh trials join the beliefs of the leaves where they end; leaves
-that they refute are open again, and the same loop expands them.
+an action, or two at a probable node, whose readings are partitioned by two rules. A pass draws new particles;
+each of the last passes draws twice as many as the pass before. Its nodes first try the actions that were best
+at the corresponding nodes of the previous pass: so an action is valued by particles that did not choose it.
+One early pass keeps the tree instead and expands it below other first squeezes. Fresh trials join the beliefs
+of the leaves where they end; leaves that they refute are open again, and the same loop expands them.
 """
 
 from __future__ import annotations
@@ -317,7 +317,7 @@ class Search:
     def _partitions(self, node: Node, squeezed: Squeezed) -> list[tuple[Rule, Outcomes]]:
         """The partition of the readings by the problem's rule, and at probable nodes a finer one.
 
-        The finer one puts no price on parts that stray into a branch that is squeezed again (`Rule.astray`).
+        In the finer one, a part that strays costs nothing if another squeeze follows (see `Rule.astray`).
         """
         plain = self._cut(squeezed, self.problem.rule)
         if node.share < self.stage.finer:

@@ -28,7 +28,7 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
     Error messages of this function do not name the file; the caller adds its name.
 
     Raises:
-        UsageError: see `file.read_outline`; or there is no such layer.
+        UsageError: see `file.read_outline`; or the drawing lacks the layer that the options name.
         InputError: see `file.read_outline`.
     """
     document, auditor = _document(data)

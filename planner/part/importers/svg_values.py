@@ -170,7 +170,7 @@ class Values(NamedTuple):
         return self._word("visibility") == "visible" and inked
 
     def strokes(self, stroke_width: float) -> bool:
-        """Whether a shape is stroked with some colour, be the shape visible or not."""
+        """Whether a shape is stroked with some colour, even if the shape is not visible."""
         return stroke_width > 0.0 and self._inks("stroke")
 
     def _inks(self, what: str) -> bool:
