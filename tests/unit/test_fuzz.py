@@ -1,4 +1,4 @@
-"""The fuzzers of `tools/hostile`: a repeatable slice of each passes, and planted errors are reported."""
+"""The fuzzers of `tools/hostile`: each passes a short run, and reports planted errors."""
 
 import os
 import subprocess

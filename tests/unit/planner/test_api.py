@@ -119,7 +119,7 @@ POSES = [
 
 
 def test_world_middle_of_fingers_off_collides_at_the_shifted_pose():
-    """Fingers that meet 3 mm off the middle collide where centred fingers would, but 3 mm farther along y."""
+    """If the fingers meet at y = 3 mm, all poses at which the part collides lie 3 mm farther along y."""
     off = Job.load(JOB_PATH).replaced(doubt={"middle_mm": [2.0, 4.0]})
     plain, shifted = ContactWorld(Job.load(JOB_PATH), 0), ContactWorld(off, 0)
     across = np.linspace(-60.0, 60.0, 121)

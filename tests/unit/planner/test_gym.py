@@ -29,7 +29,7 @@ def drawn():
 
 
 def episode(env, seed, steps=5):
-    """The first observation with a seed, and the results of random steps."""
+    """Starts an episode with a seed; returns the first observation and the results of random steps."""
     rng = np.random.default_rng(seed)
     seen = [env.reset(seed=seed)[0]]
     for _ in range(steps):

@@ -73,9 +73,10 @@ def test_planned_budget_begins_the_passes_that_leave_time_for_repairs(scripted, 
 def test_better_unfinished_pass_needs_a_lower_value_and_time_for_repairs(
     missing, value, explores, repairs, better
 ):
-    """The unfinished tree is better if its value is lower and repairs follow that can finish it.
+    """If repairs can finish the unfinished tree, it is better than the old tree if its value is lower.
 
-    Otherwise, or if the pass explores, it must locate more parts than the old tree, which here locates all.
+    If repairs cannot finish it, or if the pass explores, it must locate more parts than the old tree. Here
+    it cannot, since the old tree locates all parts.
     """
     new, root = SimpleNamespace(value=value), SimpleNamespace(value=3.0)
     search = SimpleNamespace(

@@ -131,7 +131,7 @@ def test_pose_after_interrupted_move_waits_for_its_end(rig):
 
 
 def stopped(arm, times):
-    """Make the next `times` waits for an answer outlast their deadline, as if this process were stopped."""
+    """Makes the link miss its deadline in the next `times` waits, as if this process were stopped."""
     receive = arm._link.receive
 
     def waited(seconds):

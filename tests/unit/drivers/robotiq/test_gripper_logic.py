@@ -204,7 +204,7 @@ def test_gripper_link_error_is_passed_on():
 
 
 def test_wait_request_changed_by_another_program_raises_fault():
-    """The jaws settle where another program wants them, so that their width is no answer to the driver."""
+    """The jaws settle where another program requested, so that their width is not the one to report."""
     link, gripper = active()
     gripper.move(200, 255, 0)
     ours, theirs = bytes((0xF9, 0, 0, 200, 199, 0)), bytes((0xF9, 0, 0, 120, 199, 0))

@@ -87,7 +87,7 @@ def test_modbus_link_read_late_answer_is_not_taken_for_later_one(late_s):
 
 
 class Starved(Line):
-    """A line on which the first `stops` waits for an answer last 5 s, as if the process were stopped."""
+    """A line that loses 5 s in each of its first `stops` waits, as if the process were stopped."""
 
     stops = 1
 

@@ -1,4 +1,4 @@
-"""Costs of actions: in seconds they equal those of the table's schedule."""
+"""Costs of actions: converted to seconds, they equal the times that the table's schedule states."""
 
 import math
 

@@ -30,7 +30,7 @@ def partition(poses, readings, how):
 
 
 def to_go(hits, size, estimate):
-    """Slow reference version of what the stopping rule `estimate` expects of one interval of readings.
+    """Slow reference version of what the stopping rule `estimate` predicts for one interval of readings.
 
     The interval has `size` particles, of which `hits` are in modes.
 

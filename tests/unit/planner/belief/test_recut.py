@@ -45,8 +45,8 @@ def test_recut_cuts_where_the_next_squeeze_does_not_distinguish(gap, poses, read
 def test_recut_leaf_into_which_other_poses_stray_is_not_cut():
     """A cut would make a leaf of the parts that read 100, since all of them lie at one pose.
 
-    Parts at other poses, which read 102, would stray into this leaf. Without a cut, the next squeeze
-    distinguishes the two groups.
+    Parts at other poses read 102. This is so near that in the cell such parts may read 100 and end at this
+    leaf. Without a cut, the next squeeze distinguishes the two groups.
     """
     poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
     old = Belief.of(poses, np.repeat([100, 102], 500))

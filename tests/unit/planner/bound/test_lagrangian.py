@@ -1,4 +1,4 @@
-"""Lower bounds in worlds so small that all plans can be enumerated: exact, and from samples of parts."""
+"""Lower bounds from all parts, and from samples of parts, in worlds where all plans can be enumerated."""
 
 import numpy as np
 import pytest

@@ -70,7 +70,7 @@ def test_beside_overlapping_tips_leave_notches_by_the_shortest_way():
 
 
 def test_simulate_push_start_scatter_widens_the_interval_of_turns(tmp_path):
-    """The limit surface hardly scatters: the turn depends on how far beside the centroid the tip starts."""
+    """All draws have nearly the same limit surface; the turn depends on the scattered start of the tip."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
     steady, widths = JOB.replace("pressure = {", "pressure = { wishart_dof = 100000,"), []
     for start_mm in (0.0, 2.0):

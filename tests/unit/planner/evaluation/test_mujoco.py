@@ -25,7 +25,10 @@ def job_of(outline, **changes):
 
 
 def contacts(world, fingers):
-    """Depth [mm] and normal force [N] (n, 2) of contacts with fingers or, if not `fingers`, the table."""
+    """Depth [mm] and normal force [N] (n, 2) of the part's contacts.
+
+    If `fingers` is true, these are the contacts with the fingers, otherwise those with the table.
+    """
     results = []
     for number in range(world.data.ncon):
         contact, force = world.data.contact[number], np.zeros(6)

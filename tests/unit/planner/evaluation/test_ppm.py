@@ -30,7 +30,7 @@ def job(job):
 class Coins(Worlds):
     """A world that draws the width of each squeeze from `widths_mm` with the probabilities `shares`.
 
-    A squeeze with the last width moves the part a metre away with the probability `unlucky`.
+    If the last width is drawn, the part moves a metre away with the probability `unlucky`.
     """
 
     def __init__(self, widths_mm, shares, unlucky):

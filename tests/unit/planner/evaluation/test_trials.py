@@ -50,7 +50,7 @@ class Wrung:
 
 
 def spread_table(nodes=12, seed=3):
-    """A random table whose branches cover most widths; some of its nodes move what they hold."""
+    """A random table whose branches cover most widths; after some squeezes the hand drags the part."""
     random = Random(seed)
     table = random_table(seed, nodes)
     rows = []

@@ -1,6 +1,6 @@
 """An export agrees with the runtime's decisions.
 
-That holds for its test vectors and for its runs: ranges of widths with the same decision.
+Its test vectors agree with them, and so do its runs. A run is a range of widths with the same decision.
 """
 
 from itertools import pairwise

@@ -35,7 +35,7 @@ def matches(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, mar
 
 
 def contacts_with(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
-    """The contacts of a part with a hand, pairs with a gap of at most `margin` included."""
+    """The contacts of a part with a hand; a gap of at most `margin` counts as a contact."""
     result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
     out = np.zeros(len(points), np.int64)
     return result[: contacts.find(result, columns(points), out, pose, hand, margin)]

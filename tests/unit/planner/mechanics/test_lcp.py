@@ -28,9 +28,9 @@ def assert_solved(M: np.ndarray, q: np.ndarray, tolerance: float = 1e-9) -> np.n
 
 
 def exponential(order):
-    """A matrix with ones on the diagonal and twos below it.
+    """A matrix of the given order n, with ones on the diagonal and twos below it.
 
-    With q = -1, Lemke's method needs 2^n pivots by the worst choice of rows.
+    With q = -1, Lemke's method needs 2^n pivots if it chooses the worst row in each tie.
     """
     return np.eye(order) + 2.0 * np.tril(np.ones((order, order)), -1)
 

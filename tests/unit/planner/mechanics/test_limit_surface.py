@@ -85,7 +85,7 @@ def test_surface_of_rectangle_is_close_to_the_published_ellipsoid(job):
 
 
 def test_fit_ellipsoid_in_a_shifted_frame_is_the_same_surface():
-    """Whichever point wrench and twist refer to, a force has the same H and causes the same motion."""
+    """A force has the same H = F^T A F and causes the same motion, whatever point is the origin."""
     points, weights = support(Pressure("boundary", 100), rectangle())
     here = limit_surface.fit_ellipsoid(points, weights, RHO).A
     offset = np.array([7.0, -2.0])

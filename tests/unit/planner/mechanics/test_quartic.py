@@ -42,7 +42,10 @@ def test_of_ellipsoid_has_the_squared_value_and_its_gradient():
 
 
 def test_quartic_is_a_local_ellipsoid_by_eulers_theorem(fitted):
-    """F . grad H = 4 H and hess H F = 3 grad H. So V = s A(F) F; A(F) = hess H / 3 is positive definite."""
+    """By Euler's theorem, F . grad H = 4 H and hess H F = 3 grad H for a quartic H at a wrench F.
+
+    So the wrench causes the same twist as on an ellipsoid with the positive definite matrix hess H / 3.
+    """
     F = np.random.default_rng(1).normal(size=(50, 3))
     gradient = fitted.gradient(F)
     assert np.allclose((F * gradient).sum(axis=1), 4 * fitted.value(F), rtol=1e-12)
@@ -124,7 +127,7 @@ def test_certifies_nonconvex_quartic_is_refused(fitted):
 def drawn(surface, dof, n, seed):
     """Coefficients (n, 15) of random quartics about a surface.
 
-    A quartic H is recovered from its sampled Hessian h: F^T h(F) F = 12 H(F).
+    Each quartic H is recovered from its sampled Hessian h, since F^T h(F) F = 12 H(F) at each wrench F.
     """
     tables = quartic.sample(surface, dof, np.random.default_rng(seed), n)
     F = np.random.default_rng(seed).normal(size=(40, 3))

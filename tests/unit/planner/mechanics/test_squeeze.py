@@ -118,7 +118,7 @@ def test_squeeze_turning_rectangle_jams_only_within_atan_mu():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_squeeze_without_friction_ends_at_a_local_minimum_width(seed):
-    """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
+    """Goldberg, Orienting polygonal parts without sensors (1993): the width falls until the part is flush."""
     rng = np.random.default_rng(seed)
     outline = random_convex(rng, int(rng.integers(4, 9)))
     part, placed = simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0)

@@ -19,7 +19,7 @@ def outlines():
 
 
 def carried_out(outline, angles, rng):
-    """Angles in the world at which 300 random parts end after squeezes at `angles`.
+    """Final angles, in the world frame, of 300 random parts after squeezes at the hand angles `angles`.
 
     Each squeeze is Goldberg's squeeze function; the simulator is not used.
     """
@@ -84,7 +84,10 @@ def test_squeeze_function_of_known_shape_has_its_period(outline, degrees):
 
 
 def scalene():
-    """A random polygon. No edge is square to a chord, so that every equilibrium of a squeeze is definite."""
+    """A random polygon without an edge that is square to a line between two vertices.
+
+    So every equilibrium of a squeeze is clearly stable or unstable.
+    """
     return problems.random_convex(np.random.default_rng(6), 5)
 
 

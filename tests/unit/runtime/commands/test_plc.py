@@ -75,7 +75,7 @@ def test_plc_map_is_printed_without_table(capsys):
 
 
 class Running:
-    """A run on a cell in memory in the main thread; the PLC's program runs in another thread."""
+    """A run in the main thread, with a cell in memory; the PLC's program runs in another thread."""
 
     def __init__(
         self, folder: Path, rig: FakeCell, *trees: Path, count=None, journal=Journal

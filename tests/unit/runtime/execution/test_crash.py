@@ -96,7 +96,7 @@ def test_look_resume_with_other_settings_is_refused(tmp_path, changed, what):
 
 
 def after_boot(wall_s: float, up_s: float = 60.0) -> dict[str, object]:
-    """The present moment `up_s` after another boot, on a wall clock that is `wall_s` ahead."""
+    """The present moment as seen after another boot: an uptime of `up_s`, and a date `wall_s` later."""
     return {**moment(wall_s), "boot": "another", "up_s": up_s}
 
 

@@ -153,7 +153,7 @@ def test_executor_descends_only_open_and_moves_below_caps(seed):
 
 
 def _first_path(table: Table) -> list:
-    """The first branch at every node from the root on."""
+    """The branches of the path that starts at the root and takes the first branch of each node."""
     branches, target = [], 0
     while target >= 0:
         branches.append(table.nodes[target].branches[0])

@@ -45,7 +45,7 @@ def stopped(hand_mm, share, block_mm=0.0, across_mm=0.0):
 
 
 def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
-    """Yields, for each of two opposite orientations of the hand, a position of the hand and grips near it.
+    """Yields a position of the hand and grips near it, first for one orientation, then for the opposite one.
 
     At this position, both fingers meet the block at the same time. Positions are along the closing axis;
     the block is at `block_mm` in the first orientation. `read` turns an opening into a reading.

@@ -42,7 +42,7 @@ def with_sections(sections: list[list[object]]) -> bytes:
 
 
 def with_field(path: str, value: object, table: Table | None = None) -> bytes:
-    """The file of a table with another value in a field, `section.field`."""
+    """The file of a table in which a field has another value; its path is written like "tool.tool"."""
     sections = sections_of(table or small_table())
     name, _, field = path.partition(".")
     (columns,) = (section.columns for section in SECTIONS if section.name == name)

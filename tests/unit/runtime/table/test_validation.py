@@ -40,7 +40,7 @@ def one_node(*rows: tuple[int, int, int]) -> Table:
 
 
 def but(path: str, value: object) -> Table:
-    """The small table, not evaluated, with a push and another value in a field."""
+    """The small table, not evaluated, with a push at its root and with the field `path` set to `value`."""
     return changed(UNTRIED, {"nodes.0.pushes": PUSHES[:1], path: value})
 
 
@@ -118,7 +118,7 @@ def test_validate_leaf_with_more_poses_than_goal_allows_is_refused():
 
 
 def test_validate_grip_that_only_closed_jaws_read_is_refused():
-    """The grip's interval contains only the reading of closed jaws, which is never that of a grip."""
+    """The grip's interval contains only the reading of closed jaws, and this reading never means a grip."""
     dumps(one_node((0, 0, 0)))
     wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, steps=2))  # 0, 42.5, 85 mm
     with pytest.raises(TableError, match=r"no reading means 0\.00\.\.2\.00 mm"):

@@ -37,7 +37,7 @@ class Lying:
 
 
 def table_top(*faults):
-    """A simulated table with a part that has been squeezed once, under the given faults."""
+    """A simulated table with the given faults; its part has been squeezed once."""
     setting = small_setting()._replace(world="lying", factory=lambda subject, seed: Lying())
     top = TableTop(setting, 1, Desk(Listed(faults)))
     top.squeeze((0.0, 0.0, 0.0))

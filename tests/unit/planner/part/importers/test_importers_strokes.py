@@ -12,7 +12,7 @@ FILLET_MM2 = PLATE_MM2 - (4 - math.pi)  # one corner of the plate with a fillet 
 
 
 def filleted(count, radius=2.0):
-    """The plate's outline with one fillet of `count` chords, as points, and its area."""
+    """Points and area of the plate's outline with one fillet, which consists of `count` chords."""
     corner = arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count)
     points = [(0, 0), (40, 0), *corner, (0, 20)]
     return points, shapely.Polygon(points).area

@@ -124,7 +124,7 @@ def test_parts_for_is_fewest_with_required_probability():
     ("parts", "answered"), [(9_000_000, True), (9_999_999, True), (10_100_000, False)]
 )
 def test_parts_for_answers_up_to_ten_million_parts(parts, answered):
-    """With the share s of the kind, n parts hold none of it with probability (1 - s)^n = 1 - 0.95."""
+    """If a kind has the share s, it is missing among n parts with probability (1 - s)^n, here 0.05."""
     share = -np.expm1(np.log(0.05) / parts)
     result = parts_for(1, share)
     assert result is None if not answered else abs(result - parts) <= 2
