@@ -114,7 +114,7 @@ class Plan:
 
     @property
     def total(self) -> float:
-        """Mean squeezes, plus 100 for each part that is not located."""
+        """Mean squeezes, plus 100 times the share of parts that are not located."""
         return self.squeezes + 100.0 * (1.0 - self.success)
 
 

@@ -41,7 +41,7 @@ def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> d
         limit: the study's limit on the share of failures.
         unseen: share of parts whose audit has no result.
         cells: number of cells.
-        parts: most parts of a cell.
+        parts: greatest number of parts in a cell.
     """
     counted: Counter[str] = Counter()
     for cell in range(cells):

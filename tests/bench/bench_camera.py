@@ -86,7 +86,7 @@ def poses(rng: np.random.Generator, view: View, count: int) -> list[tuple[float,
 def shot(
     rng: np.random.Generator, pose: tuple[float, float, float], number: int, flaws: dict[str, Any]
 ) -> Any:
-    """Renders the tag of a number at a pose; `flaws` replace the ordinary flaws of the picture."""
+    """Renders the tag `number` at a pose; `flaws` replace the ordinary flaws of the picture."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
     heading, motion_px = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0)
     speed = motion_px * 600.0 / OPTICS.focal

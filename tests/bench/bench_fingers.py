@@ -6,9 +6,10 @@ FOLDER is condensed from the public toolbox of the paper's authors. It holds `th
 that the authors simulated, and `robot_runs/*.csv`, pushes that a real robot made.
 
 The authors do not state the quartic of their hexagon. Here it is identified from every third squeeze and
-judged by the other squeezes; the quartic of a uniform pressure is judged beside it. Where two fingers touch,
-the authors' sequence of LCPs seems to end early (`cut_short`). The identified quartic is judged with
-sequences that end early, and with sequences that converge.
+judged by the other squeezes; the quartic of a uniform pressure is judged beside it. For a quartic, each step
+solves a sequence of LCPs, which should converge. Where two fingers touch, the authors' sequence seems to end
+early (`cut_short`). The identified quartic is judged with sequences that end early, and with sequences that
+converge.
 
 Prints figures and writes `results/fingers.json`. Not part of `tools/check`.
 """
@@ -103,11 +104,11 @@ class Push(NamedTuple):
 def cut_short(
     surface: Array, c: float, s: float, mu: float, count: int, cut: float, work: StepWork
 ) -> bool:
-    """Solves the first LCP of a quartic's sequence; returns whether the sequence ends with it.
+    """Returns whether a step with a quartic ends after the first LCP of its sequence, as with the authors.
 
-    It ends with the first LCP if there are at least two contacts, and the sum of their forces is below `cut`.
-    This LCP takes the quartic's matrix at a wrench of three equal components. This rule reproduces the
-    recorded squeezes; the authors do not state it.
+    The step ends if there are at least two contacts, and the sum of their forces in the first LCP is smaller
+    than `cut`; `work` then holds the solution. The first LCP uses the quartic's matrix at a wrench of three
+    equal components. This rule reproduces the recorded squeezes; the authors do not state it.
     """
     if count < 2 or cut == 0.0:
         return False
@@ -128,8 +129,8 @@ def cut_short(
 def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> float:
     """Closes the tips until they hold the part; returns their distance from the origin [mm].
 
-    The part is at the pose q (3,), which the call modifies. In a step of d mm, the limit in `cut_short` is d
-    times `cut`.
+    The part is at the pose q (3,), which the call modifies. For a step of d mm, `cut_short` gets the limit
+    d * `cut`.
     """
     work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
     boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
@@ -294,9 +295,10 @@ def turn(angle: float) -> Array:
 def runs(folder: Path) -> dict[str, Any]:
     """Computes the robot's pushes at several frictions; returns two shares of pushes for each friction.
 
-    The first is the share of pushes whose computed pose is near the measured pose. A group of pushes also has
-    a mean measured pose. The second share also counts each push whose computed pose is no farther from this
-    mean than the farthest measured pose of the group.
+    "near" is the share of pushes whose computed pose is near the measured pose. Pushes that ought to be alike
+    form a group. "near or within spread" also counts a push if its computed pose is no farther from the mean
+    measured pose of its group than the farthest measured pose of the group. The figures of each group are
+    returned, too.
     """
     groups: defaultdict[str, list[Push]] = defaultdict(list)
     for push in pushes(folder):

@@ -149,7 +149,7 @@ def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bo
 
 
 def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
-    """The number of the placement after which the main mode holds most of the belief, on average."""
+    """The number of the placement after which the main mode has the largest mean share of the belief."""
     few, rule = belief[:: max(1, len(belief) // JUDGES)], Problem.of(model.job, 1).rule
     values = []
     for placement in model.actions[: model.placements]:

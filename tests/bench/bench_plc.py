@@ -133,7 +133,7 @@ def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) 
 
 
 def registers_of(part: dict[str, Any]) -> Answer:
-    """Outcome and x coordinate that a PLC should read for a part, by the line that a command prints of it."""
+    """Outcome and x coordinate that a PLC should read; `part` is what `grasp-runtime --json` prints."""
     outcome = Outcome(part["outcome"])
     x_mm = part["predicted_pose"]["x_mm"] if outcome is Outcome.LEAF else 0.0
     code = [Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED, Outcome.FAULT].index(outcome) + 1

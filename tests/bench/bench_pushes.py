@@ -137,7 +137,7 @@ def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float],
 
 
 def pose_error(off: Array, block: Simulator) -> Array:
-    """Sizes (n,) of errors of poses (n, 3), by the metric of success [mm]."""
+    """Sizes (n,) of errors of poses (n, 3) [mm]: distance, plus the radius of gyration times the angle."""
     rho_mm = radius_of_gyration(block.outline)
     return np.asarray(np.hypot(off[:, 0], off[:, 1]) + rho_mm * np.abs(off[:, 2]))
 

@@ -1,8 +1,8 @@
-"""Checks the posterior of plan-refit by simulation-based calibration (Talts et al. 2018) over hidden cells.
+"""Checks the posterior of plan-refit by simulation-based calibration (Talts et al. 2018).
 
-Hidden cells are drawn from the prior, and parts are squeezed in each. Then the rank of each true value among
-the draws of the posterior is noted. The ranks are uniform if the posterior is right. A hidden cell takes
-about 6 s on a core:
+Hidden cells, whose true values the refit does not see, are drawn from the prior, and parts are squeezed in
+each. Then the rank of each true value among the draws of the posterior is noted. The ranks are uniform if the
+posterior is right. A hidden cell takes about 6 s on a core:
 
     python tests/bench/bench_refit.py [TABLE] --keep
 """
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def refitted(cells, parts, number):
-    """Draws the hidden cell of a number, squeezes parts in it, and refits it.
+    """Draws the hidden cell `number`, squeezes parts in it, and computes the posterior from their readings.
 
     Returns:
         The ranks of the true values among the draws of the posterior, the errors of the posterior's mean, its

@@ -3,15 +3,15 @@
     python tests/bench/bench_runtime.py [--tree TREE.msgpack] [--starts 10] [--minutes 30] [--realtime]
 
 Prints the figures beside their limits and writes `results/runtime.json`. The gripper is on a pseudo-terminal
-behind the serial driver, the arm on a socket; both are separate processes. With `--minutes` the watched run
-lasts that long, at ten times real speed: its memory and descriptors must not grow.
+behind the serial driver, the arm on a socket; both are separate processes. With `--minutes` one run lasts
+that long, at ten times real speed; its memory and the number of its descriptors must not grow.
 
 A decision takes two microseconds. A clock around a decision therefore also measures interrupts, other
-programs and, on a virtual machine, the host. Three figures separate them. The time of every decision contains
-all. The time of arithmetic of the same length (`control_`) shows what the machine adds to any code. The least
-of many times of each node and width (`least_`) is what the code costs. Garbage collection adds nothing, since
-a decision leaves no garbage. With `--realtime` (as root) no other program interrupts, as on a controller that
-has nothing else to do.
+programs and, on a virtual machine, the host. Three figures separate them. The time of a decision contains
+everything. The time of arithmetic of the same length (`control_`) shows what the machine adds to any code.
+The least of many times of each node and width (`least_`) is what the code costs. Garbage collection adds
+nothing, since a decision leaves no garbage. With `--realtime` (as root) no other program interrupts, as on a
+controller that has nothing else to do.
 
 Not part of `tools/check`.
 """

@@ -92,7 +92,7 @@ def same_squeezes(table: Table, parts: Sequence[Part]) -> Figures:
 
 
 def _squeezed(table: Table, part: Part) -> Iterator[Squeezed]:
-    """Yields the node, width and branch of each squeeze of a printed part."""
+    """Yields the node, width and branch of each squeeze of a part, as `grasp-runtime --json` prints it."""
     leaf = [] if part["leaf"] is None else [~part["leaf"]]
     targets = [*part["path"][1:], *leaf, REJECT]
     for node, width_mm, target in zip(part["path"], part["readings_mm"], targets, strict=False):

@@ -43,7 +43,7 @@ SEED = 99
 
 
 def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
-    """Plans a part in one of the ways `PLANS` and evaluates the plan in all worlds; returns a row."""
+    """Plans a part with the changes `PLANS[plan]` of its job; returns a row of figures for all worlds."""
     job = job_file.load(TREES / part / "job.toml")
     start = time.perf_counter()
     table = compile_job(job.replaced(**PLANS[plan])).table

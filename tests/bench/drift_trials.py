@@ -76,10 +76,11 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
 def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, float]:
     """Bounds how often any chart of readings could flag a drift.
 
-    The bound assumes that a reading depends on earlier readings by its node alone. A chart with one false
-    alarm in `RARE` healthy parts raises one within `WITHIN` of them with a probability of at most `WITHIN /
-    RARE`. Of all tests with this probability of a false alarm, the likelihood ratio detects a change most
-    often (Neyman and Pearson 1933). Unlike a chart, it knows when the friction changed, and to what.
+    The bound assumes that a reading depends on earlier readings by its node alone. If a chart raises one
+    false alarm in `RARE` healthy parts, the probability of a false alarm in `WITHIN` healthy parts is at most
+    `WITHIN / RARE`. Of all tests with this probability of a false alarm, the likelihood ratio detects a
+    change most often (Neyman and Pearson 1933). Unlike a chart, it knows when the friction changed, and to
+    what.
 
     Args:
         gain: (nodes, bins) logarithm of how much likelier each reading is after the change.

@@ -125,7 +125,7 @@ def test_contracts_allowed_imports_are_accepted(tmp_path):
 
 @pytest.mark.slow
 def test_contracts_each_forbidden_import_is_reported(tmp_path):
-    """One tree has all forbidden imports. Each is reported in the section of the contract that it breaks."""
+    """The modules contain all forbidden imports; each is reported under the contract that it breaks."""
     modules = dict(CLEAN)
     for module, imported, _ in BROKEN:
         modules[f"{module.replace('.', '/')}.py"] += f"import {imported}\n"

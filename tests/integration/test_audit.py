@@ -134,7 +134,10 @@ def test_judge_silent_camera_answers_unknown_after_deadline(files):
 
 
 def test_judge_above_memory_limit_restarts_between_two_answers(files, tmp_path):
-    """Only a restarted process reads the calibration again. No process restarts while a question waits."""
+    """The test damages the calibration to see the restart: only a restarted process reads it again.
+
+    Every question is answered, since no process restarts while a question waits.
+    """
     (tmp_path / "drivers.py").touch()  # the restarted process must not import it for the package
     with Judge("--memory-mb", "1", folder=tmp_path, **files) as audit:
         assert audit.ask()["verdict"] == "pass"

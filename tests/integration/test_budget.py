@@ -105,7 +105,7 @@ def test_compile_job_budget_starts_after_kernels_are_loaded(job):
 
 
 def test_compile_job_goal_finer_than_readings_is_refused_in_one_line(monkeypatch):
-    """The search for so fine a goal would go on; here the limit of nodes ends it early."""
+    """For so fine a goal, the search would go on to the limit of nodes; a lower limit ends it early here."""
     monkeypatch.setattr(search, "MOST_NODES", 40)
     rectangle = job_file.load(JOB)
     fine = rectangle.replaced(goal={"distance_mm": 0.02}, search={"particles": 4000})

@@ -15,7 +15,7 @@ from runtime.table import wilson_interval
 
 
 def test_commissioning_page_commands_print_shown_output(work, environment):
-    """Simulated devices take the place of the reader's, which the page's first block names.
+    """The page's first block names the devices of a real cell; the test names simulated devices instead.
 
     The two calibrations are left out, since they need gauge blocks between the fingers; other tests run them.
     """

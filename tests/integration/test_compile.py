@@ -247,7 +247,8 @@ def test_committed_table_wrong_answers_in_standard_worlds_are_within_goal():
     """In each standard world, the share of wrong answers is at most 1 - `goal.confidence`.
 
     The lower end of the share's 95 % interval is compared. A tighter limit would fail by chance: with the
-    encoder 1 mm off, two plans of one job differ by 0.9 %. The world of 10 degrees of freedom is left out.
+    encoder 1 mm off, the shares of two plans of one job differ by 0.9 %. The world of 10 degrees of freedom
+    is left out.
     """
     doubting = job_file.load(JOB)
     table = load(TABLE).table

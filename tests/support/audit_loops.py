@@ -33,9 +33,9 @@ class Judged(NamedTuple):
 
 
 def mixed(table: Table) -> Table:
-    """Returns the table with each leaf's pose moved by its distance in `OFF_MM`.
+    """Returns the table with displaced poses of leaves; the leaves get the distances in `OFF_MM` in turn.
 
-    A distance of 0 leaves a pose unchanged; one of more than the goal makes it wrong.
+    A distance above the goal makes a leaf wrong; a distance of 0 leaves it unchanged.
     """
     leaves = []
     for number, leaf in enumerate(table.leaves):

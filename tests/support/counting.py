@@ -30,7 +30,7 @@ def decide(decided: DecisionMap, count: int, felt: bool) -> int:
 
 
 def by_count(decided: DecisionMap) -> tuple[int, ...]:
-    """Returns the branch of each count from 0 to 255, without regard to the object flag."""
+    """Returns the branch of each count from 0 to 255 by the width alone (`DecisionMap.either`)."""
     return tuple(decided.either.at(width_um(count)) for count in range(COUNTS))
 
 

@@ -37,7 +37,7 @@ Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 
 
 def wide_table() -> Table:
-    """Returns a table of one squeeze that has as many branches as a node may have, and drags the part.
+    """Returns a table of one node, which drags the part and has as many branches as a node may have.
 
     In the first branch the jaws hold nothing, so that nothing is dragged.
     """

@@ -117,8 +117,8 @@ def _believes(link: ModbusLink, blocks: set[bytes]) -> None:
 def _cut(data: bytes, size: int) -> list[bytes]:
     """Cuts bytes into pieces, as a port may deliver them.
 
-    A piece has as many bytes as the remainder of `size` / 32; if the remainder is 0, there is one piece.
-    If that would give more than `MAX_PIECES` pieces, the pieces are longer.
+    A piece has `size` modulo 32 bytes; for 0 there is one piece. If this would give more
+    than `MAX_PIECES` pieces, the pieces are longer.
     """
     step = max(size % 32 or len(data), -(-len(data) // MAX_PIECES), 1)
     return [data[at : at + step] for at in range(0, len(data), step)]

@@ -1,8 +1,9 @@
-"""Mutates files of tables and reads them, a mutant for each number; `tools/hostile tables` tries many.
+"""Mutates files of tables and reads the mutants; `tools/hostile tables` tries many.
 
-A mutant is damaged at one of three depths: the bytes of the file; the payload, with a digest that fits again;
-or the values of the sections, packed again, so that only the validation can detect the damage. Every mutant
-must be refused by a `TableError`, or be exactly the file of another valid table.
+A seed and a number determine a mutant. It is damaged at one of three depths: the bytes of the file; the
+payload, with a digest that fits again; or the values of the sections, packed again, so that only the
+validation can detect the damage. Every mutant must be refused by a `TableError`, or be exactly the file of
+another valid table.
 """
 
 import hashlib

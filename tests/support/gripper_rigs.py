@@ -26,7 +26,8 @@ SCALE = 20.0
 class GripperRig(Surroundings):
     """A simulated gripper with a part or nothing between its fingers.
 
-    A subclass sets `name` (the address), `site`, `slave` and `contact_um`, the width of the part.
+    A subclass sets `name`, the gripper's address; `site`, the event loop that serves the gripper; `slave`,
+    which answers requests; and `contact_um`, the width of the part.
     """
 
     profile, scale = None, SCALE

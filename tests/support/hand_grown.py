@@ -11,7 +11,7 @@ PLACES = np.array([[-12.0, 0.0, 0.0], [0.0, 0.0, 0.0], [12.0, 0.0, 0.0]])
 
 
 def leaf(poses, counts, share, depth):
-    """Returns a node without actions, which the share `share` of all parts reaches.
+    """Returns a node without actions; `share` is the share of all parts that reach it.
 
     Its particles lie at `poses` (n, 3); their last readings are `counts` (n,).
     """

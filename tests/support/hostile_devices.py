@@ -89,10 +89,10 @@ DEADLINES_S = {
 
 
 def deadline_s(case: Case) -> float:
-    """Returns the longest time that the run may take after the call of the case [s].
+    """Returns the deadline of the run, counted from the call of the case [s].
 
-    A slow device answers each call before the call's deadline, but delays a squeeze beyond the squeeze's
-    deadline.
+    A slow device answers each call before the call's deadline. Therefore its run has the deadlines of all
+    squeezes together.
     """
     if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]

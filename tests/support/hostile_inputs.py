@@ -172,7 +172,7 @@ def recorded() -> tuple[bytes, bytes]:
 
 
 def readings(whole: bytes) -> bytes:
-    """Returns a document that `plan-expect` might write for the table with the file `whole`."""
+    """Returns a document that `plan-expect` might write for a table; `whole` is the table's file."""
     seen = [{"132": 20}, {"150": 9}]
     worlds = [{"name": name, "readings": seen} for name in ("as planned", "less")]
     record = {"kind": KIND, "version": VERSION, "worlds": worlds}

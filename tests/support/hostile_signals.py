@@ -167,7 +167,7 @@ class Bench:
     def _moving(self, ended: Ended) -> Iterator[str]:
         """Yields a sentence if the fingers move, or stand elsewhere than the process said when it ended.
 
-        Also yields one for an unknown state and one for a traceback in the output.
+        Also yields one if the output says that a state is not known, and one if it contains a traceback.
         """
         first = self.gripper.state()
         time.sleep(STILL_S)

@@ -105,7 +105,7 @@ class Study:
     """Handshakes of one PLC with one station.
 
     Attributes:
-        given: id and x of each result that the runtime returned.
+        given: id and x coordinate of each result that the runtime returned; x is random, to identify it.
         counts: number of each kind of fault, and of each value of `error_id`.
     """
 

@@ -11,7 +11,7 @@ class ServedRun(Closing):
 
     Args:
         folder: folder for the run's journal and output.
-        ready: words of the line on standard error that ends with the port; they say that the run is ready.
+        ready: text by which a line on standard error says that the run is ready; the line ends with the port.
         words: arguments of the command besides `--json` and `--journal`.
     """
 

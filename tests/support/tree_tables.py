@@ -21,8 +21,8 @@ def committed() -> dict[str, Table]:
 def table_of(name: str, workers: int | None = None) -> TableFile:
     """Returns the table of the job `name` in `trees/`.
 
-    This is the committed table, or one kept in `out`, if its job is the same; otherwise the job is compiled,
-    and the table is kept.
+    This is the committed table, or the one that an earlier call kept in `out`, if it was compiled from the
+    present job. Otherwise the job is compiled, and the table is kept in `out`.
     """
     job = job_file.load(TREES / name / "job.toml")
     for path in (TREES / name / f"{name}.msgpack", KEPT / f"{name}.msgpack"):
