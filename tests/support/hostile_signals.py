@@ -181,7 +181,7 @@ class Bench:
             yield f"the fingers stand at {last.width_um} um, stopped at {said}"
         if "NOT KNOWN" in output:
             yield "a state that is not known"
-        if "Traceback" in output and ended.code > 0 and STARTING not in output:
+        if "Traceback" in output and ended.code >= 0 and STARTING not in output:
             yield "a traceback"
 
     def _low(self, ended: Ended) -> Iterator[str]:
