@@ -181,8 +181,8 @@ def _checked(
     """Checks the arguments of `width`, before the operator is asked for a block.
 
     Returns:
-        Widths of the gauge blocks (ascending, mm); link and offset of the tips' arc (mm), None if not given;
-        least and most motor current (mA), None if not given.
+        Widths of the gauge blocks (ascending, mm); length of the finger links and offset of the tips (mm),
+        None if not given; least and most motor current (mA), None if not given.
     """
     named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
     widths_mm = sorted(_numbers("--blocks", named))

@@ -41,8 +41,8 @@ def connect(
 
     Args:
         arguments: the parsed command line of `grasp-runtime`.
-        recipe: holds the table, which states the gripper's model and the part of a simulated cell; and the
-            console, which receives notes about a simulated cell.
+        recipe: its table states the gripper's model and the part of a simulated cell; its console receives
+            notes about a simulated cell.
         drivers: opens the devices.
         stack: when it closes, the devices are closed.
         report: function that is called at each retry and failure on the gripper's link.

@@ -110,8 +110,8 @@ def check_latency(port: str, root: Path = ROOT) -> Iterator[Finding]:
 def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
     """Finds out why a Robotiq gripper does not answer at a port.
 
-    The finding says whether a device answers at another slave id or baud rate, answers again (a loose plug),
-    or does not answer at all.
+    The finding says that a device answers at another slave id or baud rate, that the gripper now answers as
+    expected (a loose plug), or that nothing answers.
 
     Args:
         port: path of the port.

@@ -35,10 +35,10 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """The value of `now` by which a motion of `seconds` of the cell must be over, if it begins now.
+        """Returns the deadline, as a value of `now`, for a motion that begins at this moment.
 
-        A simulated cell may run faster than this machine's clock. `LINK_MARGIN_S`, in seconds of the machine,
-        is added for the link to the device.
+        The motion may last `seconds` of the cell, which are fewer seconds of the machine if a simulated cell
+        runs faster. `LINK_MARGIN_S`, in seconds of the machine, is added for the link to the device.
         """
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
@@ -80,8 +80,9 @@ class SystemClock:
 def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | None:
     """Seconds since a record was written; None if that cannot be known.
 
-    If the machine was not rebooted since, `up_s` gives the answer. Otherwise only the wall clock is left: it
-    is trusted if it advanced by at least the time since the boot.
+    If the machine was not rebooted since, the age is the difference between the two `up_s`. Otherwise the age
+    is the difference between the two `time`, and counts as known only if it is at least `up_s` of `now`,
+    since the record is older than the latest boot.
 
     Args:
         record: a record with `time`, `boot` and `up_s`, as a journal holds them.

@@ -1,4 +1,4 @@
-"""Locks a device for one process, by the device's identity: other paths and addresses of it are locked, too.
+"""Locks a device for one process, under all paths and addresses of the device.
 
 The lock is a socket in Linux's abstract namespace. Unlike a file, such a socket cannot be replaced, is the
 same for all users and sessions, and ends with its process.
@@ -135,7 +135,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """The end of an identity that names the Modbus unit behind a gateway; empty for unit `USUAL_UNIT`."""
+    """Names the Modbus unit behind a gateway, as the end of an identity; "" for the unit `USUAL_UNIT`."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:
@@ -168,7 +168,7 @@ def _canonical(text: str) -> str:
 
 
 def _is_own(address: str) -> bool:
-    """Whether an IP address belongs to this machine: packets to it would have it as their source.
+    """Whether an IP address belongs to this machine: packets sent to the address also come from it.
 
     Nothing is sent.
     """

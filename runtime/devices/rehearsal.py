@@ -33,9 +33,12 @@ def make(job: object, seed: int) -> "Rehearsal":
 class Rehearsal:
     """Simulates squeezes: draws a branch of the node by its probability, and a width within the branch.
 
-    The part never moves. The place of a squeeze shows what it means. At the place of the last squeeze it is a
-    re-squeeze, or a later stroke of a regulated squeeze, and ends at the same width. At the place of a child
-    of the last node it is the part's next squeeze. At any other place it is the first squeeze of a new part.
+    The part never moves. The place of a squeeze determines what the squeeze is:
+
+    - at the place of the last squeeze, a re-squeeze or a later stroke of a regulated squeeze; both end at the
+      last width;
+    - at the place of a child of the last node, the part's next squeeze;
+    - at any other place, the first squeeze of a new part.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
@@ -71,9 +74,9 @@ class Rehearsal:
     def _node_of(self, pose_hand: Pose2) -> int | None:
         """Finds the node whose squeeze is executed, given the part's pose in the hand's frame.
 
-        The part has not moved since the last squeeze. So for each node the part's pose in the world is
-        computed as if the hand were at the node's grasp pose; the node fits if this pose is that of the last
-        squeeze. The children of the last node are tried first, then the last node itself.
+        The part lies in the world as at the last squeeze. A node fits if a hand at the node's grasp pose
+        would have the part at `pose_hand`. The children of the last node are tried first, then the last node
+        itself.
 
         Returns:
             The index of the first child that fits; None if only the last node fits, whose squeeze is then

@@ -23,7 +23,7 @@ from runtime.table.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
-    """Poses of the hand where it takes the part and where it puts it down: mm, mm, rad with whole turns."""
+    """Poses of the hand where it takes the part and where it puts it down: mm, mm, rad (not modulo 2 pi)."""
 
     taken: Pose2
     put: Pose2
@@ -114,8 +114,8 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
     """Grasps the part of a leaf with the root's speed and force, carries it and puts it down.
 
     Returns:
-        None if the part was put down, else why it was left: no path exists, or the fingers read another
-        width.
+        None if the part was put down, else why it was left: no path exists, or the last grasp holds nothing
+        or has a width that the delivery does not allow.
 
     Raises:
         GripperStateError: the part slipped out while it was carried, or the gripper is not ready.

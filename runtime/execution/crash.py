@@ -47,9 +47,9 @@ def look(
         The run to continue; None where the last run ended.
 
     Raises:
-        BrokenRunError: the run was given up, or cannot be continued: a field of `SAME` differs, its records
-            do not follow from its readings, its last record is too old or of unknown age, or it is to be
-            resumed at a part that was being pushed.
+        BrokenRunError: the run was given up, or cannot be continued: a field of `SAME` differs, a replay
+            contradicts its records, its last record is too old or of unknown age, or it is to be resumed at a
+            part that was being pushed.
     """
     try:
         broken = broken_run(journal.path, journal.last_part)
@@ -117,7 +117,7 @@ def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
         entries: all records of the journal, or only those that matter here (`Journal.last_part`).
 
     Raises:
-        BrokenRunError: the run's records do not follow from its readings.
+        BrokenRunError: the run broke off, and a replay contradicts its records.
     """
     replay = Replay()
     findings = list(replay.follow(entries))

@@ -39,7 +39,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class Tally:
-    """Running totals over the parts of a run: outcomes, squeezes, times, and fingers placed onto a part."""
+    """Running totals over the parts of a run: outcomes, squeezes, times, parts within the goal, crashes."""
 
     takt_s: float | None = None  # the time within which parts should be done
     # whether the clock counts seconds of the cell; False for a clock faster than real time
@@ -77,8 +77,8 @@ class Tally:
     def times(self) -> dict[str, float]:
         """Statistics of the parts' times, by the names of `runtime.table.takt`; empty before the first part.
 
-        The result is also empty if `timed` is False. Then the cell runs faster than real time, and a second
-        for which this machine computes counts as several seconds of the cell: the parts' times mean nothing.
+        The result is also empty if `timed` is False. Then the cell runs faster than real time. Each second of
+        the machine's computing adds several seconds to a part's time, so that the time means nothing.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 

@@ -129,7 +129,7 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turns a part's plan about the origin, so that the hand has the angle of the first squeeze already.
+        """Turns a part's plan about the origin, so that the first squeeze has the present angle of the hand.
 
         A part of a broken run keeps the angle by which its plan was turned in that run. The plan is not
         turned where parts are delivered, since the paths to the drop-off are checked for the leaves as
@@ -177,7 +177,7 @@ class Executor:
             approach: the program's current request.
 
         Returns:
-            The program's request to release the part, which has been performed, too.
+            The program's request to release the part; this request has been performed already.
         """
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
@@ -231,7 +231,7 @@ class Executor:
             self._hand.jaws.open(node.squeeze)
 
     def _travel(self, part: int, index: int, squeeze: Squeeze, *, first: bool) -> float:
-        """Moves above a squeeze's place while the jaws go to its opening; returns the hand's angle, rad."""
+        """Moves above the place of a squeeze, and opens the jaws for it; returns the hand's angle, rad."""
         self._console.phase(part, Phase.PLACE, index)
         if first:
             self._hand.retreat()

@@ -45,7 +45,7 @@ class Grip(NamedTuple):
 def gripping(table: Table, block_mm: float) -> Node:
     """Builds the node by which a block is squeezed gently; it has one branch, for any width.
 
-    The jaws open `ROOM_MM` farther than the block on either side.
+    If the block is in the middle, each open finger is `ROOM_MM` away from it.
 
     Raises:
         InputError: the block is too wide for the gripper.
@@ -64,7 +64,7 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """Yields the poses of the hand in `measure` that may be farthest from `at`, the block's stated place.
+    """Yields the poses of the hand farthest from the block's stated place `at` that `measure` may use.
 
     Both `at` and the poses are in mm, mm, rad.
     """
@@ -80,7 +80,7 @@ def measure(
     """Grips a fixed block at several offsets, with the hand at two angles half a turn apart.
 
     Args:
-        hand: retreated, with nothing between the fingers, and without a measured middle.
+        hand: at the retreat height, with nothing between the fingers; its `middle_mm` is 0.
         node: the result of `gripping`.
         block_mm: the block's width.
         at: the block's centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].

@@ -129,8 +129,8 @@ class Hand:
 
         - The wrist cannot reach the planned angle; or it has to turn by more than half a turn to reach it,
           and the other angle costs less.
-        - The hand is in the outer half of the wrist's range, turns back from the near end to reach the other
-          angle, and the other angle costs less by more than `SAVED_RAD`.
+        - The hand is in the outer half of the wrist's range; the turn to the other angle leads away from the
+          nearer end of the range, and costs less by more than `SAVED_RAD`.
 
         The cost is the angle by which the hand turns, times a weight. The nearer the hand is to an end of the
         range, the greater is the weight of a turn towards this end, and the smaller that of a turn back.

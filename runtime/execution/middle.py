@@ -56,10 +56,11 @@ def off_mm(measured: Middle | None, table: Table) -> float:
 
 
 def left(measured: Middle, table: Table) -> dict[str, list[float]]:
-    """The uncertainty that a measurement leaves, as `middle_mm` and `finger_share` of a job's `[doubt]`.
+    """The uncertainty that a measurement leaves, as values for a job's section `[doubt]`.
 
-    Each is a range from least to greatest error. `middle_mm` has the errors of the measured place where
-    the fingers meet, and `finger_share` those of the share of the closing that the job states.
+    Returns:
+        For each key the least and the greatest error. `middle_mm`: error of the measured place where the
+        fingers meet. `finger_share`: error of the upper finger's share of the closing that the job states.
     """
     error_mm = SURE * measured.at(narrowest_mm(table))[1]
     more, spread = measured.share - _planned_share(table), SURE * measured.share_error

@@ -39,7 +39,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
 
 
 def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
-    """Checks that a settled closing motion's object flag agrees with its width, and its current is plausible.
+    """Checks the reading of a settled closing motion: flag and width agree, and the current is plausible.
 
     Raises:
         GripperStateError: the flag reports that nothing was met although the fingers are apart, or reports an
@@ -64,7 +64,7 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
-    """Checks that the jaws are open as requested: the hand comes down beside the part only with such jaws.
+    """Checks that the jaws are open as requested, before the hand comes down beside the part.
 
     Raises:
         GripperStateError: the reading is stale; or the jaws are blocked, or met something while closing to a

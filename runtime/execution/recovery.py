@@ -33,8 +33,8 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
         The node of the squeeze and the branch taken there; None if nothing is to be released.
 
     Raises:
-        BrokenRunError: the hand does not stand where the run left it; it holds another part; or the part
-            was being carried.
+        BrokenRunError: the hand does not stand where the run left it; the fingers read another width than
+            with the part; or the part was being carried.
     """
     if broken.delivering:
         raise BrokenRunError(

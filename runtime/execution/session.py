@@ -52,7 +52,7 @@ def run_journalled(
         table: the table to execute.
         cell: devices and records; the journal must already have its header.
         console: receives the events.
-        options: options of the run; a part at which a run broke off is finished even beyond `count`.
+        options: options of the run; the part at which `broken` ended is finished even if `count` is less.
         broken: a run that broke off, to continue.
 
     Returns:
@@ -84,6 +84,8 @@ def run_parts(
     broken: Replay | None = None,
 ) -> None:
     """Prepares the gripper, and runs parts until they are done or one ends the run.
+
+    The gripper is not prepared if the run `broken` ended within a part, which the fingers may still hold.
 
     Args:
         numbers: the numbers of the parts; the next number is drawn once the part before has its outcome.

@@ -29,9 +29,10 @@ class Stroke(NamedTuple):
 def closing(
     node: Node, handling: Handling, calibration: Calibration, open_mm: float, timing: Timing
 ) -> list[Stroke]:
-    """The strokes, at least one, that close jaws `open_mm` apart at a node; the last closes them fully.
+    """The strokes, at least one, by which the jaws close at a node; the last stroke closes them fully.
 
-    A regulated squeeze closes with the least force until contact; `raising` gives the forces after contact.
+    At first the jaws are open by `open_mm`. A regulated squeeze closes with the least force until contact;
+    `raising` gives the forces after contact.
     """
     squeeze, profile, arc = node.squeeze, calibration.profile, handling.arc
     regulated = _is_regulated(squeeze, handling, profile)

@@ -1,4 +1,4 @@
-"""The arc of the finger tips: how far they advance as the jaws close, and stages that keep them level.
+"""The arc of the finger tips: how far they advance as the jaws close, and where the arm levels them.
 
 The finger links of a 2F gripper are parallelograms: with link length L and offset c, at an opening w the tips
 stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85).

@@ -62,7 +62,7 @@ class Watch:
     """Sums up the seconds that each device takes, and raises when a squeeze exceeds its deadline.
 
     The time from one call to the next counts for the device of the earlier call. In the context `squeeze`, a
-    call after the deadline raises; where stop requests are handled, the deadline also interrupts a call.
+    call after the deadline raises; within `StopRequests` the deadline also interrupts a call in progress.
     """
 
     def __init__(self, clock: SystemClock) -> None:

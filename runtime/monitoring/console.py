@@ -118,7 +118,7 @@ def as_object(
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
     """Returns the fields `datum_pose` and `picks`: where the drawing's datum and the picks lie on a part.
 
-    The result is empty if the part ended at no leaf, or if its job names no datum.
+    The result is empty if the part ended at no leaf, or if the job names no datum of the part.
     """
     frames = answer.frames_of(table)
     leaf = result.leaf_of(table)

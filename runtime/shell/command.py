@@ -347,8 +347,8 @@ def _discard(file: TextIO) -> None:
 def _open_streams() -> bool:
     """Connects closed standard streams to /dev/null; returns whether standard output was closed.
 
-    Otherwise the next file to be opened would get a closed stream's number, and what is printed would go into
-    this file.
+    If a standard stream stayed closed, the next file to be opened would get the stream's number, and what is
+    printed would go into this file.
     """
     closed = []
     for descriptor in range(3):

@@ -82,7 +82,7 @@ def whole() -> "contextlib._GeneratorContextManager[None]":
 
 @contextlib.contextmanager
 def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
-    """Context with a deadline: when it passes, an error is raised under the conditions of a stop request.
+    """Context with a deadline, which raises an error where and when a stop request would raise.
 
     Outside of a `StopRequests` context there is no deadline: no signal handler is installed that could raise
     the error.

@@ -125,8 +125,8 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     """Finds a signed pack that contains the table and the calibration of a run.
 
     Args:
-        tree: the table's file; packs are looked for beside it, as `*.zip`. If it is a link, they are also
-            looked for beside the file to which it leads.
+        tree: the table's file; packs are looked for beside it, as `*.zip`. If `tree` is a link, they are
+            also looked for beside the file to which it leads.
         table: the table's bytes.
         calibration: the bytes of the calibration's file, None for a run without one.
         trusted: the key that must have signed.

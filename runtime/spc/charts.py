@@ -150,9 +150,9 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
     """Returns pairs of an observed and an expected count, one for each branch.
 
-    Branches with an expected count below `LEAST_EXPECTED` are pooled into one pair. If its expected count is
-    still too low, this pair is added to the smallest of the other pairs. The list is empty if all counts or
-    all shares are 0.
+    Branches with an expected count below `LEAST_EXPECTED` are pooled into one pair. If the expected count
+    of this pair is still too low, the pair is added to the smallest of the other pairs. The list is empty if
+    all counts or all shares are 0.
     """
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:

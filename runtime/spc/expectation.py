@@ -57,7 +57,7 @@ class Expectation:
         """Log-likelihood ratios of a part's readings, one for each world but the planned world.
 
         Each ratio compares the readings' probability in a world with their probability in the planned world.
-        A ratio above `CLIP` is cut to `CLIP`.
+        A logarithm above `CLIP` is cut to `CLIP`.
         """
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)

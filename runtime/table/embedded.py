@@ -65,7 +65,7 @@ def number(table: Section, key: str) -> float | None:
 
 
 def numbers(table: Section, *keys: str) -> list[float]:
-    """All numbers under some keys of a section; each key has one number or a list, or is missing."""
+    """All numbers under the given keys of a section; a key has one number or a list, or is missing."""
     results: list[float] = []
     for key in keys:
         value = table.get(key)

@@ -5,8 +5,8 @@ outline at the leaf's pose, with an allowance for the leaf's error and for the u
 job states:
 
 - the outline reaches the faces of both fingers, between the ends of the fingers;
-- the outline has no points just behind the face of a finger, where the finger itself is. Farther behind the
-  face it may have some, since the finger may stand in a slot.
+- the outline has no points just behind the face of a finger, where the finger itself is. Points farther
+  behind the face are allowed, since the finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -219,7 +219,7 @@ def _blocks(outline: Outline, y: float, half: float) -> bool:
 
 
 def _shape(outline: Outline) -> Shape:
-    """The shape of a part; of its outline every n-th point is kept, `MOST_POINTS` at most."""
+    """The shape of a part; its outline is thinned, at equal steps, to at most `MOST_POINTS` points."""
     step = -(-len(outline) // MOST_POINTS)
     kept, coarse = outline[::step], 0.0
     for k, start in enumerate(kept):

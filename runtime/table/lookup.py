@@ -59,7 +59,7 @@ class Calibration:
         return wider if off <= off_less else less
 
     def opening_um(self, width_um: int) -> int:
-        """The least reading whose true width is at least `width_um`; the stroke if there is none."""
+        """The least reading whose true width is at least `width_um`; if none, that of open jaws."""
         steps = range(self.profile.steps + 1)
         step = bisect_left(steps, width_um, key=self._width_at)
         return self.profile.reading_um(min(step, self.profile.steps))
@@ -120,9 +120,9 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
     branch means that nothing is held. Which branches are candidates for a reading depends on its object flag:
 
     - Object felt: the grips whose interval contains the width; none at width 0.
-    - No object felt, width up to the gripper's `empty_um`: the branches that mean nothing held and whose
-      interval contains the width. If there are none, the candidates are as for an object felt, since a
-      thin part may not be felt.
+    - No object felt, width up to the gripper's `empty_um`: the branches that are no grips and whose interval
+      contains the width. If there are none, the candidates are as for an object felt, since a thin part may
+      not be felt.
     - No object felt, greater width: none.
 
     The candidate with the nearest expected width is chosen; of two equally near candidates, the one with the

@@ -73,7 +73,8 @@ NO_TOLERANCE = Tolerance(0, 0, 0)
 class Covariance(NamedTuple):
     """Covariance of the poses of the parts that end at a leaf, about the leaf's pose.
 
-    The moments of x, y and angle t are in units of 0.1 mm and 10 mrad.
+    Each number is the mean product of two deviations: of x and y in units of 0.1 mm, of the angle t in units
+    of 10 mrad.
     """
 
     xx: Annotated[int, Field("in 0.1 mm and 10 mrad")]
@@ -107,7 +108,7 @@ class Squeeze(NamedTuple):
 
 
 class Push(NamedTuple):
-    """One push: the hand comes down beside the part and goes straight on along its own x axis."""
+    """One push: the hand comes down beside the part and slides straight along the hand's x axis."""
 
     x_um: Annotated[int, Field("hand's centre at the start", *X)]
     y_um: Annotated[int, Field("the same", *Y)]
@@ -253,8 +254,8 @@ class GripperSpec:
         """The profile of the gripper for which the table was planned.
 
         A table does not state the tips' arc, the gripper's radius, and its counts with open and closed jaws.
-        They are taken from the known model of the same name; the counts only if they give the number of steps
-        that the table states.
+        They are taken from the known model of the same name; the counts only if their difference is the
+        number of steps that the table states.
         """
         preset = known(self.model)
         counts = None if preset is None else preset.counts

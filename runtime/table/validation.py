@@ -20,7 +20,7 @@ def validate(table: Table) -> None:
     """Checks that a table may be executed; its values must already be of the right types.
 
     Raises:
-        TableError: it may not; the message names the first wrong node, branch, leaf or field.
+        TableError: the table is refused; the message names the first wrong node, branch, leaf or field.
     """
     records = records_of(table)
     for section in SECTIONS:

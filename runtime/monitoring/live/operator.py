@@ -84,7 +84,7 @@ def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
 
 
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
-    """Yields HTML warnings: one for each alarm of the control charts, and one if a refit would pay."""
+    """Yields HTML warnings: for each alarm of the control charts, and if `plan-refit` would pay."""
     for alarm in seen["charts"]["alarms"]:
         yield verdict("fair", f"{capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:

@@ -5,11 +5,11 @@ faulted or judged wrong has failed. A part that ended at a leaf but was not judg
 accepted only if it would be accepted with all unknown parts failed, and refused only if it would be refused
 with all unknown parts good. Parts that the operator stopped, or that were given up (aborted), are left out.
 
-The test is sequential. Let m be the true share of failures, and S the number of failures among the first n
-parts. Average the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S) over a beta distribution of s. The
-probability that this average ever exceeds 1 / ERROR, at whatever n, is at most ERROR (Ville 1939; Howard,
-Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the study may be checked after
-each part and end with the first verdict: a wrong verdict has probability ERROR at most.
+The test is sequential. Let m be the true share of failures, s an assumed share, and S the number of failures
+among the first n parts. Average the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S) over a beta
+distribution of s. The probability that this average ever exceeds 1 / ERROR, at whatever n, is at most ERROR
+(Ville 1939; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the study
+may be checked after each part and end with the first verdict: a wrong verdict has probability ERROR at most.
 """
 
 from bisect import bisect_left

@@ -50,9 +50,9 @@ class Study:
     def bounds(self) -> Bounds:
         """Confidence bounds of the share of failures.
 
-        The bounds of all states in `curve` hold together, so the greatest lower and the least upper bound
-        are returned. If these two contradict one another, the share has changed during the run-off, and the
-        bounds at its end are returned.
+        With confidence 1 - `ERROR`, the true share is within the bounds of every state in `curve`. So the
+        greatest lower and the least upper bound are returned. If these two contradict one another, the share
+        has changed during the run-off, and the bounds at its end are returned.
         """
         last, looks = self.acceptance.bounds, [now.bounds for now in self.curve]
         low, high = max(look.low for look in looks), min(look.high for look in looks)
