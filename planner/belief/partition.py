@@ -310,7 +310,10 @@ def least_cost(
 
 @kernel
 def find_near(counts: IntArray, distance: float) -> Reach:
-    """Finds the counts within a distance [counts] of each place where m ascending counts may be cut."""
+    """For each place where the ascending counts (m,) of an encoder may be cut, finds the counts near it.
+
+    These are at most `distance` [counts] from the place.
+    """
     m = counts.shape[0]
     low, high = np.arange(m + 1), np.zeros(m + 1, np.int64)
     low[:m] = np.searchsorted(counts, counts - int(distance))
@@ -320,7 +323,10 @@ def find_near(counts: IntArray, distance: float) -> Reach:
 
 @kernel
 def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
-    """The m counts that occur, and the cumulative number (m + 1,) of readings."""
+    """Returns the m counts with at least one reading, and the number (m + 1,) of readings below each of them.
+
+    The last entry is the number of all readings. `weight` has the number of readings of each count.
+    """
     counts = np.flatnonzero(weight)
     first = np.zeros(len(counts) + 1, np.int64)
     first[1:] = np.cumsum(weight[counts])

@@ -35,7 +35,10 @@ They must not depend on the sample that proves the bound.
 
 
 class Level(NamedTuple):
-    """The h histories of one length, and the o squeezes that lead to them from the level before."""
+    """All histories, sequences of squeezes and readings, of one length.
+
+    A level has h histories, and o squeezes that lead to them from the histories one squeeze shorter.
+    """
 
     size: IntArray  # (h,) number of parts of each history
     located: IntArray  # (h,) upper bound on the parts that one prediction locates

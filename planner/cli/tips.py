@@ -33,7 +33,10 @@ ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Paths of pushes whose tips start clear of the part, and how far the stated starts overlapped it."""
+    """Paths of pushes, moved where necessary so that the tips start clear of the part.
+
+    With them, how far the tips overlapped the part where the user said that they start.
+    """
 
     paths: Paths
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear

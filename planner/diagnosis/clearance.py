@@ -69,10 +69,10 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
-    """Whether some placement of the hand, open to `opening_mm`, collides with none of the parts.
+    """Whether a hand open to `opening_mm` has a placement that clears the part wherever it may lie.
 
-    The parts may lie anywhere in a disc of `radius_mm`, at the angles of the job. At up to the share
-    `crash_share` of these poses, which the goal allows, the hand may collide.
+    The part may lie anywhere in a disc of `radius_mm`, at the angles of the job. The hand need not clear it
+    at the share `crash_share` of these poses, which the goal of the job allows.
     """
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening_mm)
     poses = _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)

@@ -113,8 +113,9 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     """Fits the matrix A (3, 3) of an ellipsoid to wrenches and twists by least squares.
 
     The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the component of A F across
-    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. F and V (K, 3) are
-    normalised, V of any magnitude but 0; `weights` (K,) multiply the squared residuals.
+    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. In F and V (K, 3),
+    torques and rotations are scaled by rho; twists may have any magnitude but 0. `weights` (K,) multiply the
+    squared residuals.
 
     Returns:
         A, symmetric positive definite and read-only. Where noise would make A indefinite, eigenvalues are

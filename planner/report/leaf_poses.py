@@ -28,7 +28,7 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the leaf's pose is more than `WORTH_TELLING_MM` from the mean, which is on purpose."""
+        """Whether the leaf states a pose more than `WORTH_TELLING_MM` from the mean, chosen on purpose."""
         return self.apart_mm > WORTH_TELLING_MM
 
 

@@ -71,7 +71,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """Raised to refuse a line of the robot; the message is the answer to the line (`refused`)."""
+    """Raised to refuse a line of text that the robot sent; the message is the reply to it (`refused`)."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))

@@ -1,7 +1,8 @@
 """An OPC UA server modelled on OPC 40100-1 (machine vision), for one master and any number of readers.
 
 asyncua encodes and encrypts messages, and serves the address space. The values of the variables come from the
-panel (`runtime.plc.panel`). The methods write to the registers of the exchange's station.
+panel (`runtime.plc.panel`). The methods write to the same registers as a PLC does over Modbus
+(`runtime.plc.station`).
 """
 
 import asyncio

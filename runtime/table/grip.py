@@ -167,7 +167,7 @@ def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) 
 
 
 def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
-    """Whether a part may lie between the jaws, if its pose is wrong by `error_mm` (eq. 9) at most."""
+    """Whether the jaws can hold a part at its pose, or at one that differs by `error_mm` (eq. 9) at most."""
     off = grip.off + shape.coarse + error_mm * max(1.0, shape.reach / max(shape.rho, 1e-9))
     outline = _in_hand(shape.outline, pose, grip.hand)
     low, high = _extent(outline, grip.half_length + off)

@@ -43,7 +43,7 @@ def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -
     Args:
         node: the node.
         decided: the node's `decision_map`.
-        width_um: the true width at the reading.
+        width_um: the width of the reading, corrected by the gripper's calibration.
         seen: the object state of the reading.
 
     Raises:

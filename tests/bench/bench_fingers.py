@@ -5,11 +5,11 @@
 FOLDER is condensed from the public toolbox of the paper's authors. It holds `three_fingers.csv`, squeezes
 that the authors simulated, and `robot_runs/*.csv`, pushes that a real robot made.
 
-The authors do not state the quartic of their hexagon. Here it is identified from every third squeeze and
-judged by the other squeezes; the quartic of a uniform pressure is judged beside it. For a quartic, each step
-solves a sequence of LCPs, which should converge. Where two fingers touch, the authors' sequence seems to end
-early (`cut_short`). The identified quartic is judged with sequences that end early, and with sequences that
-converge.
+The authors squeeze a hexagon whose limit surface is a quartic, and do not state its coefficients. Here they
+are identified from every third squeeze and judged by the other squeezes; the quartic of a uniform pressure is
+judged beside it. For a quartic, each step solves a sequence of LCPs, which should converge. Where two fingers
+touch, the authors' sequence seems to end early (`cut_short`). The identified quartic is judged with sequences
+that end early, and with sequences that converge.
 
 Prints figures and writes `results/fingers.json`. Not part of `tools/check`.
 """

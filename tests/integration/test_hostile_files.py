@@ -132,7 +132,10 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
 
 @pytest.fixture
 def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command, Path], int]:
-    """Checks that a command refuses an output in one line and changes no file; returns its exit code."""
+    """Returns a check: a command refuses to write to a path, by a message of one line, and changes no file.
+
+    The check returns the command's exit code.
+    """
 
     def check(command: Command, out: Path) -> int:
         before = desk.seen()

@@ -1,4 +1,4 @@
-"""The pictures of the documentation show the results that are kept."""
+"""The pictures of the documentation show the committed results of the benchmarks."""
 
 import json
 import re

@@ -110,7 +110,7 @@ def test_hand_turned_back_stays_half_turn_off_for_rest_of_part():
 
 
 def _turned_to(angle_rad: float, wrist: tuple[float, float], table: Table) -> float:
-    """Angle of the hand at a second squeeze, after a first one at 0 rad."""
+    """Angle that the hand takes for a second squeeze planned at `angle_rad`, after a first one at 0 rad."""
     rig = fake_cell([AT_30, AT_21])
     rig.arm.turns = wrist
     turned = changed(table, {"nodes.1.squeeze.angle_urad": round(1e6 * angle_rad)})

@@ -1,4 +1,7 @@
-"""A table compared with its embedded job: values that both state, and poses that no jaws could hold."""
+"""A table is refused if a value differs from that of its embedded job.
+
+So is a table with a leaf whose pose no jaws could hold.
+"""
 
 import json
 from dataclasses import replace
