@@ -49,3 +49,22 @@ def test_bench_second_opinion_same_part_again_replaces_its_row(monkeypatch, tmp_
         bench.main()
     rows = bench.RESULTS.read(None)["rows"]
     assert [(row["part"], row["trials"]) for row in rows] == [("kite", 2), ("ratchet", 3)]
+
+
+def test_bench_ablation_every_layer_replaces_what_the_search_has():
+    """A switch of a layer that was renamed would switch nothing off."""
+    from bench_ablation import LAYERS
+
+    for layer in LAYERS.values():
+        before = getattr(layer.owner, layer.attribute)
+        assert callable(before) == callable(layer.replacement)
+        assert before != layer.replacement
+
+
+def test_bench_ablation_report_pairs_plans_of_the_same_part_and_seed():
+    from bench_ablation import NONE, Plan, report
+
+    whole = [Plan(NONE, "kite", seed, 2.5, 0.99, 10.0) for seed in (1, 2)]
+    without = [Plan("splits", "kite", seed, 2.5 + 0.1 * seed, 0.98, 5.0) for seed in (1, 2, 3)]
+    _, row = report(whole + without).splitlines()
+    assert row.split()[:7] == ["splits", "2", "+1.150", "(0.050)", "+0.150", "(0.050)", "-50%"]
