@@ -1,6 +1,6 @@
 """Plans jobs with one layer of the search switched off at a time; not part of `tools/check`.
 
-    python tests/bench/bench_ablation.py                                 all layers, six parts, three seeds
+    python tests/bench/bench_ablation.py                                 all layers, six parts, four seeds
     python tests/bench/bench_ablation.py --layer splits --only rectangle
     python tests/bench/bench_ablation.py --layer memory+variants         without both
     python tests/bench/bench_ablation.py --report                        only print what is kept
@@ -35,7 +35,7 @@ from planner.search.search import Search
 
 RESULTS = harness.Kept("ablation")
 PARTS = ("rectangle", "butterfly-10", "hex-nut", "rectangle-25", "gusset", "kite")
-SEEDS = (11, 12, 13)
+SEEDS = (11, 12, 13, 14)
 NONE = "none"  # the name of the complete search
 
 
