@@ -88,7 +88,8 @@ class Table:
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
         """Looks up the node or leaf to which a width (n,) [mm] leads when it is read at a node (n,).
 
-        The object flag is not known here: a width leads to a branch if it does so with or without the flag.
+        The object flag is not known here: a width leads where it does with an object felt, or else, if it
+        fits no branch then, where it does without.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.
@@ -99,8 +100,8 @@ class Table:
         arguments.same_length(nodes=nodes, widths=widths_mm)
         width_um = np.rint(1e3 * widths_mm).astype(np.int64)
         lookup, target = self.program.lookup, self.program.target
-        either = (target[lookup.segment(2 * nodes + felt, width_um)] for felt in (0, 1))
-        result = np.maximum(*either)
+        unfelt, felt = (target[lookup.segment(2 * nodes + flag, width_um)] for flag in (0, 1))
+        result = np.where(felt == DISMISSED, unfelt, felt)
         leaves = np.where((result < 0) & (result != DISMISSED), ~result, -1)
         return Next(np.maximum(result, -1), leaves)
 

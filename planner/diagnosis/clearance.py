@@ -10,15 +10,15 @@ from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.job.model import Job
 from planner.mechanics.clearance import free_placements, jaws_of
+from planner.part.outline import reach
 from planner.search.actions import actions_of
 from planner.search.ranking import LEAST_CLEARANCE_MM
 
 DIRECTIONS = 24  # directions of a part's centre from the middle of its disc
-RINGS = 8  # rings of equal area, at whose outer edges the centres of parts lie
+RINGS = 32  # rings of equal area, at whose outer edges the centres of parts lie
 STEP_DEG = 3.0  # largest step between the angles of a part
 TURNS = 12  # angles of the hand at the middle of the disc, besides the job's placements
 HALVINGS = 12  # number of halvings of the interval in which an opening or a radius is sought
-WIDEST = 16.0  # largest opening tried, in units of the gripper's opening
 
 
 class Shortage(NamedTuple):
@@ -50,7 +50,9 @@ def shortage(job: Job) -> Shortage | None:
     opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
     if _is_free(job, opening, radius):
         return None
-    wider = _least(lambda mm: _is_free(job, mm, radius), opening, WIDEST * opening)
+    farthest = radius + max(reach(alone.part.outline_mm) for alone in job.alone)
+    enough = 2.0 * (farthest + LEAST_CLEARANCE_MM)  # at the middle of the disc
+    wider = _least(lambda mm: _is_free(job, mm, radius), opening, enough)
     if not _is_free(job, opening, 0.0):
         return Shortage(wider - opening, None)
     less = _least(lambda mm: _is_free(job, opening, radius - mm), 0.0, radius)

@@ -21,7 +21,10 @@ LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to
 
 # ISO 216, A0 to A5
 SHEETS_MM = np.array([(841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210)])
-MARGINS_MM = 50.0  # margins of both sides together: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
+MARGINS_MM = 50.0  # largest margins of two sides together
+# By how much the margin on the side for filing exceeds the others: not, 20 over 10 mm (ISO 5457), 20 over 5
+# (GOST 2.301), 25 over 5.
+FILING_MM = np.array([0.0, 10.0, 15.0, 20.0])
 SHEET_SLACK_MM = 0.5
 
 
@@ -179,16 +182,18 @@ def _hull(points: Array) -> shapely.Geometry:
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     """Whether a ring is the border of an ISO 216 sheet, with or without margins, and surrounds another ring.
 
-    The smallest such border, A5 less its margins, measures 98 x 160 mm.
+    Margins of all sides are equal, but for that of the side for filing (`FILING_MM`).
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
     box = shapely.box(*low, *high)
     if abs(float(shapely.Polygon(ring).area) - box.area) > SHEET_SLACK_MM * float(sides.sum()):
         return False
-    larger = sides - SHEETS_MM
-    fits = ((larger <= SHEET_SLACK_MM) & (larger >= -MARGINS_MM)).all(axis=1)
-    return bool(fits.any()) and any(
+    margins = SHEETS_MM - sides
+    fits = ((margins >= -SHEET_SLACK_MM) & (margins <= MARGINS_MM)).all(axis=1)
+    filing = np.abs(margins[:, :1] - margins[:, 1:])
+    usual = (np.abs(filing - FILING_MM) <= SHEET_SLACK_MM).any(axis=1)
+    return bool((fits & usual).any()) and any(
         other.points is not ring and box.contains_properly(shapely.multipoints(other.points))
         for other in others
     )

@@ -18,7 +18,7 @@ from planner.mechanics.simulator import Parameters, RollOut
 from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, by_world
 from runtime.shell.errors import ExpectedError
-from runtime.table import REJECT, decision_map
+from runtime.table import REJECT, Branch, decision_map
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +35,15 @@ def test_lookup_any_node_and_reading_equals_decision_map(table):
             leads = target if target is not None and target >= 0 else -1
             ends = ~target if target is not None and target < 0 else -1
             assert (result.nodes[count], result.leaves[count]) == (leads, ends)
+
+
+def test_lookup_width_of_a_grip_and_of_an_empty_hand_leads_to_the_grip(table):
+    first = table.record.nodes[0]
+    empty, grip = Branch(0, 0, 500, 0, target=1), Branch(100, 300, 900, 1_000_000, target=~0)
+    node = first._replace(branches=(empty, grip))
+    result = Table.of(replace(table.record, nodes=(node,))).lookup([0, 0, 0], [0.0, 0.3, 0.05])
+    assert result.nodes.tolist() == [1, -1, 1]
+    assert result.leaves.tolist() == [-1, 0, -1]
 
 
 def test_table_saved_after_load_has_the_same_bytes_and_job(table, tmp_path):

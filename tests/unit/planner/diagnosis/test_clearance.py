@@ -15,11 +15,12 @@ JOB = job_file.load(JOB_PATH)
 WIDE = JOB.replaced(uncertainty={"radius_mm": 40.0})
 
 
-def test_shortage_wide_disc_equals_the_closed_form():
-    result = shortage(WIDE)
+@pytest.mark.parametrize("radius_mm", [40.0, 300.0])
+def test_shortage_wide_disc_equals_the_closed_form(radius_mm):
+    result = shortage(JOB.replaced(uncertainty={"radius_mm": radius_mm}))
     # Parts lie at any angle, so that the reach counts in all directions; the least clearance is 0.5 mm.
     around = reach(JOB.part.outline_mm) + 0.5
-    wide_mm = 2.0 * (40.0 + around)
+    wide_mm = 2.0 * (radius_mm + around)
     assert result.missing_mm == pytest.approx(wide_mm - JOB.gripper.opening_mm, abs=1.0)
     assert result.radius_mm == pytest.approx(0.5 * JOB.gripper.opening_mm - around, abs=0.5)
 

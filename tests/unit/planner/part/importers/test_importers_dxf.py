@@ -151,7 +151,7 @@ def test_read_missing_file_or_another_suffix_is_refused(tmp_path, name, error, r
     refused(tmp_path / name, reason, error)
 
 
-@pytest.mark.parametrize("sheet", [(297, 210), (420 - 30, 297 - 20)])
+@pytest.mark.parametrize("sheet", [(297, 210), (420 - 30, 297 - 20), (420 - 25, 297 - 10)])
 def test_read_frame_of_a_sheet_is_left_out(tmp_path, sheet):
     def draw(space, _):
         box(space, (40, 40), (80, 60))
@@ -160,6 +160,16 @@ def test_read_frame_of_a_sheet_is_left_out(tmp_path, sheet):
     part = read(dxf(tmp_path, draw))
     assert area(part) == pytest.approx(PLATE_MM2)
     assert "frame of a sheet" in notes(part)
+
+
+def test_read_plate_with_a_hole_smaller_than_a_sheet_is_no_frame(tmp_path):
+    def draw(space, _):
+        box(space, (0, 0), (180, 120))
+        space.add_circle((60, 50), 20)
+
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(180 * 120)
+    assert len(part.holes_mm) == 1
 
 
 def test_read_hole_and_origin_keep_their_place_in_the_drawing(tmp_path):
