@@ -16,7 +16,13 @@ from planner.belief.doubts import stated
 from planner.belief.transition import read_as
 from planner.job.model import Job
 from planner.mechanics.clearance import Jaws, least_clearance
-from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, RollOut, Simulator
+from planner.mechanics.simulator import (
+    DEFAULT_STEP_MM,
+    STATUS_NAMES,
+    RollOut,
+    Simulator,
+    beside_mm,
+)
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from runtime.shell.errors import UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
@@ -197,8 +203,10 @@ def is_contact(world: World) -> bool:
 
 def stands_on(outline: Array, jaws: Jaws, pose_hand: Pose, opening_mm: float) -> bool:
     """Whether fingers that come down open to `opening_mm` would stand on a part at a pose (hand frame)."""
-    jaws, poses = jaws._replace(opening_mm=opening_mm), np.array([pose_hand], np.float64)
-    return least_clearance(outline, jaws, poses, np.zeros(3), margin_mm=0.0) < 0.0
+    x, y, theta = pose_hand
+    y -= float(beside_mm(jaws.upper_share, jaws.opening_mm - opening_mm))
+    open_jaws, poses = jaws._replace(opening_mm=opening_mm), np.array([(x, y, theta)], np.float64)
+    return least_clearance(outline, open_jaws, poses, np.zeros(3), margin_mm=0.0) < 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -275,12 +275,13 @@ class Cell:
         The mask is False where the world cannot detect this.
         """
         gripper, stopped = self.job.gripper, np.zeros(len(hand), np.bool_)
+        share, closed_mm = gripper.upper_finger_share, gripper.opening_mm - opening_mm
         hand = hand.copy()
-        share = gripper.upper_finger_share + traits["share"]
-        hand[:, 1] -= beside_mm(share, gripper.opening_mm - opening_mm)
+        # A world knows the share that the job states; only an error of the share is left.
+        hand[:, 1] -= beside_mm(0.5 + traits["share"], closed_mm)
         reaches = np.array([reach(alone.part.outline_mm) for alone in self.job.alone])
         far = reaches[traits["hypothesis"]]
-        near = np.abs(hand[:, 1]) + far > 0.5 * opening_mm
+        near = np.abs(hand[:, 1] - beside_mm(share, closed_mm)) + far > 0.5 * opening_mm
         near &= np.abs(hand[:, 0]) < far + gripper.finger_length_mm
         for world, rows, _ in by_world(self.world, traits):
             collides = getattr(world, "collides", None)

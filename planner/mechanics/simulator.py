@@ -369,10 +369,11 @@ def checked_surfaces(surfaces: Array) -> Array:
     )
 
 
-def beside_mm(share: Array, closed_mm: Array) -> Array:
-    """Offset (n,) along y of the fingers' middle from the hand's, in jaws closed by `closed_mm` (n,) [mm].
+def beside_mm(share: Array | float, closed_mm: Array | float) -> Array:
+    """Offset along y of the fingers' middle from the hand's, in jaws closed by `closed_mm` [mm].
 
-    The offset is 0 where the upper finger's `share` (n,) of the closing is a half.
+    The offset is 0 where the upper finger's `share` of the closing is a half. Arguments are numbers or arrays
+    (n,).
     """
     return np.asarray((0.5 - share) * closed_mm)
 

@@ -127,14 +127,21 @@ POSES = [
 ]
 
 
-def test_world_middle_of_fingers_off_collides_at_the_shifted_pose():
-    """If the fingers meet at y = 3 mm, all poses at which the part collides lie 3 mm farther along y."""
-    off = Job.load(JOB_PATH).replaced(doubt={"middle_mm": [2.0, 4.0]})
+@pytest.mark.parametrize(
+    ("change", "beside_mm"),
+    [
+        ({"doubt": {"middle_mm": [2.0, 4.0]}}, 3.0),
+        ({"gripper": {"upper_finger_share": 0.4}}, (0.5 - 0.4) * (85.0 - 60.0)),
+    ],
+)
+def test_world_middle_of_fingers_off_collides_at_the_shifted_pose(change, beside_mm):
+    """All poses at which the part collides lie farther along y, by as much as the fingers' middle does."""
+    off = Job.load(JOB_PATH).replaced(**change)
     plain, shifted = ContactWorld(Job.load(JOB_PATH), 0), ContactWorld(off, 0)
     across = np.linspace(-60.0, 60.0, 121)
     expected = [plain.collides((0.0, y, 0.3), 60.0) for y in across]
     assert 0 < sum(expected) < len(across)
-    assert [shifted.collides((0.0, y + 3.0, 0.3), 60.0) for y in across] == expected
+    assert [shifted.collides((0.0, y + beside_mm, 0.3), 60.0) for y in across] == expected
 
 
 @pytest.mark.parametrize(("poses", "message"), POSES)
