@@ -28,7 +28,7 @@ from programs import TREES
 from planner import planning
 from planner.compile import compile_job
 from planner.job.model import load
-from planner.search import search
+from planner.search import proposals, search
 from planner.search.effort import PASSES
 from planner.search.ranking import Ranking
 from planner.search.search import Search
@@ -66,6 +66,12 @@ LAYERS = {
         Ranking,
         "varied",
         lambda self, belief, thin, options, rng: options,
+    ),
+    "scattered": Layer(
+        "grasp poses scattered about the part are ranked, too",
+        proposals,
+        "hands_about",
+        lambda reach_mm, half_mm, n: np.zeros((0, 3)),
     ),
     "memory": Layer(
         "grasp poses that were best at other nodes are ranked, too",
