@@ -25,7 +25,9 @@ import harness
 import numpy as np
 from programs import TREES
 
-from planner import planning
+from planner import planning, problem
+from planner.belief.doubts import believed
+from planner.belief.particles import evenly, initial
 from planner.compile import compile_job
 from planner.job.model import load
 from planner.search import proposals, search
@@ -91,6 +93,18 @@ LAYERS = {
         "MARGIN",
         1e-9,
     ),
+    "lattice": Layer(
+        "the first poses of a belief lie on a lattice, and are not drawn one by one",
+        problem,
+        "evenly",
+        initial,
+    ),
+    "new-particles": Layer(
+        "each pass draws new particles, so that no action is valued by those that selected it",
+        problem.Problem,
+        "belief",
+        lambda self, n, _: believed(self.job, n, np.random.default_rng(self.job.seed), evenly),
+    ),
     "repeats": Layer(
         "beliefs of few particles are repeated before they are squeezed",
         search,
@@ -136,17 +150,25 @@ def report(plans: list[Plan]) -> str:
     """The table of results: by how much total and squeezes rise without each layer."""
     whole = {(plan.part, plan.seed): plan for plan in plans if plan.without == NONE}
     lines = [f"{'without':16} {'plans':>5}  {'total':>14}  {'squeezes':>14}  the layer"]
-    for name in dict.fromkeys([*LAYERS, *(plan.without for plan in plans)]):
-        rows = [plan for plan in plans if plan.without == name != NONE]
+    cases = {name: layer.buys for name, layer in LAYERS.items()}
+    for name in [*cases, *sorted({plan.without for plan in plans} - {NONE, *cases})]:
+        rows = [plan for plan in plans if plan.without == name]
         pairs = [(row, whole[row.part, row.seed]) for row in rows if (row.part, row.seed) in whole]
-        if len(pairs) < 2:
-            continue
-        totals = [after.total - before.total for after, before in pairs]
-        squeezes = [after.squeezes - before.squeezes for after, before in pairs]
-        rises = f"{_with_error(totals):>14}  {_with_error(squeezes):>14}"
-        buys = LAYERS[name].buys if name in LAYERS else "both"
-        lines.append(f"{name:16} {len(pairs):5}  {rises}  {buys}")
+        lines += _row(name, pairs, cases.get(name, "both"))
+    twins = [(whole[key], whole.get((key[0], key[1] + 1))) for key in whole if key[1] % 2]
+    better = [(one, min(one, two, key=lambda plan: plan.total)) for one, two in twins if two]
+    lines += _row("second plan", better, "no layer: the better of two plans, for twice the time")
     return "\n".join(lines) + "\n"
+
+
+def _row(name: str, pairs: list[tuple[Plan, Plan]], buys: str) -> list[str]:
+    """The row of pairs of plans: without a layer, and with it; no row if there are fewer than two pairs."""
+    if len(pairs) < 2:
+        return []
+    totals = [without.total - whole.total for without, whole in pairs]
+    squeezes = [without.squeezes - whole.squeezes for without, whole in pairs]
+    rises = f"{_with_error(totals):>14}  {_with_error(squeezes):>14}"
+    return [f"{name:16} {len(pairs):5}  {rises}  {buys}"]
 
 
 def _with_error(rises: list[float]) -> str:
