@@ -181,13 +181,15 @@ class PlcRun:
             yield self._parts
 
     def _ended_withdrawn(self, journal: Journal) -> bool:
-        """If the PLC has switched `enable` off after its trigger, ends the triggered part with a fault.
+        """If enabling has ended since the PLC's trigger, ends the triggered part with a fault.
+
+        It does so even if the PLC has enabled triggers again: what moves needs a new trigger.
 
         Returns:
             Whether a part was ended in this way.
         """
         seen = self._exchange.glance
-        if seen.order is None or seen.enabled:
+        if seen.order is None or not seen.withdrawn:
             return False
         _note_trigger(journal, seen.order, None)
         self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
@@ -233,7 +235,7 @@ def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
     Args:
         journal: the journal.
         order: what the trigger requests.
-        part: number of the part; None if no part runs, since the PLC has switched `enable` off.
+        part: number of the part; None if no part runs, since enabling has ended.
     """
     fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
     journal.record("trigger", fields)

@@ -85,9 +85,13 @@ class Exchange:
 
     @property
     def glance(self) -> Glance:
-        """A snapshot of the station's state, see `Station.glance`."""
-        with self._lock:
-            return self._station.glance
+        """A snapshot of the station's state (`Station.glance`), after a look at the PLC's heartbeat.
+
+        The run has to notice that the heartbeat has stopped even if no client reads or writes any more.
+        """
+        with self._step() as station:
+            station.tick(self.clock.now())
+            return station.glance
 
     def wait(self, seconds: float) -> None:
         """Waits until the PLC writes something or disconnects, for `seconds` at most."""

@@ -58,6 +58,7 @@ class Glance(NamedTuple):
     order: Order | None  # the part under way; None if there is none
     answer: Answer  # the latest result; `EMPTY` from the end of the handshake until the next result
     enabled: bool  # whether triggers are enabled
+    withdrawn: bool  # whether enabling has ended since the last accepted trigger
     ended: bool  # whether the run has ended, so that triggers are refused
     error_id: int
     table: int | None  # number of the table for the next trigger; None if there is no such table
@@ -129,7 +130,7 @@ class Station:
         self._beat_s = 0.0  # when `heartbeat_in` last changed, or triggers were enabled
         # whether triggers were disabled for a stopped `heartbeat_in`, which has not changed since
         self._standing = False
-        self._ended = False
+        self._withdrawn = self._ended = False
 
     def write(self, address: int, values: Sequence[int], now: float) -> Refusal | None:
         """Writes consecutive registers; if one value is refused, writes none.
@@ -222,7 +223,8 @@ class Station:
     def glance(self) -> Glance:
         """A snapshot of the present state, for observers."""
         part, tables = (self.order, self._answer), (self._table, self._in_use)
-        return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
+        flags = self.enabled, self._withdrawn, self._ended
+        return Glance(self.state, *part, *flags, self.error_id, *tables)
 
     def end(self) -> None:
         """Notes that the run has ended: from now on all triggers are refused."""
@@ -235,14 +237,14 @@ class Station:
 
     def _enable(self, *, wanted: bool, now: float) -> None:
         if not wanted:
-            self.enabled = False
+            self.enabled, self._withdrawn = False, True
         elif self._standing and not self.enabled:
             self._disable(Error.HEARTBEAT)
         elif not self.enabled:
             self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
 
     def _disable(self, error: Error) -> None:
-        self.enabled, self.error_id = False, error
+        self.enabled, self._withdrawn, self.error_id = False, True, error
         self._written["enable"] = 0
 
     def _edge(
@@ -268,7 +270,7 @@ class Station:
             return
         if event is Event.TRIGGER:
             self.order = Order(self._written["trigger_id"], self._written["table"])
-            self._in_use = self.order.table
+            self._in_use, self._withdrawn = self.order.table, False
         if self.state in (State.READY, State.ACCEPTED):
             self._result_id, self._answer = 0, EMPTY
 

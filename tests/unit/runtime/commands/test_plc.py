@@ -168,16 +168,23 @@ def test_plc_run_before_enable_moves_nothing(tmp_path, tree):
     assert len(rig.log.named("activate")) == 1
 
 
-def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc], None]:
-    """A PLC's program that withdraws enable before anything moves, and then has another part located."""
+def withdrawing(
+    rig: FakeCell, withdrawn: threading.Event, enables_again: bool = False
+) -> Callable[[TcpPlc], None]:
+    """A PLC's program that withdraws enable before anything moves, and then has another part located.
+
+    If `enables_again`, it does so before the runtime looks, without another trigger.
+    """
 
     def program(client: TcpPlc) -> None:
         client.enable()
         client.begin(6)
         client.write(enable=0)
+        if enables_again:
+            client.enable()
         withdrawn.set()
         result = client.result(6)
-        assert (result["outcome"], result["error_id"]) == (4, 40)
+        assert (result["outcome"], result["exit_code"]) == (4, 40)
         assert rig.log.named("move_linear") == []
         client.enable()
         assert client.part(7)["outcome"] == 1
@@ -185,7 +192,8 @@ def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc],
     return program
 
 
-def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree):
+@pytest.mark.parametrize("enables_again", [False, True])
+def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree, enables_again):
     rig, triggered = fake_cell([AT_21]), threading.Event()
     rig.gripper.now = State(activated=False)
     sweep = rig.gripper.activate
@@ -197,7 +205,7 @@ def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree):
     rig.gripper.activate = slow_sweep
 
     running = Running(tmp_path, rig, tree, count=1)
-    assert running.run(withdrawing(rig, triggered)) == 0
+    assert running.run(withdrawing(rig, triggered, enables_again)) == 0
     triggers = [each for each in running.kept() if each["kind"] == "trigger"]
     assert [(each["trigger_id"], each["part"]) for each in triggers] == [(6, None), (7, 1)]
 
