@@ -114,6 +114,31 @@ def test_ladder_with_interruptions_takes_each_result_once() -> None:
     assert begun == list(range(1, len(begun) + 1))
 
 
+@pytest.mark.parametrize("source", [SOURCE, LADDER])
+def test_plc_sample_runtime_restarted_during_part_locates_it_again(source: Path) -> None:
+    program = FunctionBlock(SOURCE.read_text()) if source is SOURCE else Ladder(LADDER.read_text())
+    plc, ended, restarted = MemoryPlc(), 0, False
+    for _ in range(60):
+        values = {register.name: plc[register.name] for register in READ}
+        if source is SOURCE:
+            values = {
+                entry: bool(values[name]) if name in FLAGS else values[name]
+                for name, entry in INPUTS.items()
+            }
+        result = program(start=True, id=5, **values)
+        words = [int(result.get(register.name, 0)) for register in WRITTEN]
+        assert plc.station.write(WRITTEN_AT, words, plc.now) is None
+        ended += bool(result["done"])
+        if ended:
+            break
+        if plc.station.order is not None and plc["trigger"] == 0:
+            if restarted:
+                plc.end_part(x=7)
+            else:
+                plc.station, restarted = MemoryPlc().station, True
+    assert (restarted, ended) == (True, 1)
+
+
 @pytest.mark.slow
 def test_modbus_server_disconnect_or_stop_keeps_result_of_busy_id(tree):
     with PlcServed(tree, more=("--time-scale", "12", *REHEARSAL)) as served:

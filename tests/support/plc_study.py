@@ -71,6 +71,8 @@ class Program:
                 self.acknowledge, self.state, self.cycles = True, 3, 0
             elif valid and self.acknowledge:  # left up from the part before; takes no result
                 self.acknowledge = False
+            elif not (acknowledged or busy or valid):  # the runtime was started again
+                self.enable, self.state = False, 5
         elif self.state == 3:
             self.cycles += 1
             if not valid:
