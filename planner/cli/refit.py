@@ -26,6 +26,7 @@ from planner.work.scheduler import Scheduler
 from runtime.shell.command import Parser, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
+from runtime.shell.sealed_lines import check_distinct
 from runtime.table import Table, TableFile, names_table
 
 NAME = "plan-refit"
@@ -115,7 +116,9 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
     Raises:
         InputError: a journal or an audit cannot be used.
+        UsageError: two journals have a run in common, or there is not one audit for each journal.
     """
+    check_distinct(arguments.journal)
     loaded = run_log.table_of(arguments.journal[0])
     text = loaded.table.job
     if job_file.from_canonical(text) != job if text else loaded.table.job_digest != job.digest():

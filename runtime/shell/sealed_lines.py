@@ -7,7 +7,11 @@ the journal's current file. The chain continues from one file to the next.
 
 import hashlib
 import re
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
+
+from runtime.shell.errors import UsageError
 
 GENESIS = "0" * 64
 _MARK, _END = b',"digest":"', b'"}\n'
@@ -45,3 +49,25 @@ def sealed_segments(path: Path) -> list[Path]:
     name = re.compile(re.escape(path.name) + r"\.(\d{6,})")
     matches = [name.fullmatch(file.name) for file in path.parent.iterdir()]
     return [segment(path, number) for number in sorted(int(match[1]) for match in matches if match)]
+
+
+def check_distinct(paths: Iterable[Path]) -> None:
+    """Checks that no two journals have a file in common, or files that begin with the same record.
+
+    Files that cannot be read are left to the reader of the journals.
+
+    Raises:
+        UsageError: a journal is named twice, or one is a copy or a segment of another.
+    """
+    seen: dict[bytes, tuple[int, Path]] = {}
+    for number, path in enumerate(paths):
+        with suppress(OSError):
+            for file in (*sealed_segments(path), path):
+                with file.open("rb") as lines:
+                    first = lines.readline()
+                earlier, other = seen.setdefault(first, (number, path))
+                if first and earlier != number:
+                    problem = (
+                        f"holds parts of {other} again; name each journal once, without copies"
+                    )
+                    raise UsageError(f"journal {path}: {problem}")

@@ -11,6 +11,7 @@ from runtime.errors import JournalError, TornError
 from runtime.journal.chain import records
 from runtime.journal.lines import Entry
 from runtime.shell.errors import UsageError
+from runtime.shell.sealed_lines import check_distinct
 from runtime.table import Pose2, Table, loads, turned_pose
 
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
@@ -60,8 +61,9 @@ def read(paths: Sequence[Path]) -> History:
 
     Raises:
         JournalError: a journal cannot be read, does not verify, or disagrees with its table.
-        UsageError: the journals have different tables, or no parts.
+        UsageError: the journals have different tables, or no parts, or a run in common.
     """
+    check_distinct(paths)
     table: Table | None = None
     digest = ""
     parts: list[Part] = []

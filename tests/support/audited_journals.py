@@ -24,7 +24,8 @@ class Chain:
         self._entries = [json.loads(line) for line in lines]
 
     def header(self, tree):
-        self._entries.append({**header_of(dumps(tree)), "journal_version": 1})
+        run = {"journal_version": 1, "run": str(self._path)}  # two runs never have the same header
+        self._entries.append({**header_of(dumps(tree)), **run})
 
     def record(self, kind, fields):
         self._entries.append({"kind": kind, **fields})

@@ -155,7 +155,7 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
             continue
         judged = part.outcome == "leaf" and part.verdict in ("pass", "fail")
         unknown = part.outcome == "leaf" and not judged
-        failed = not unknown and part.verdict != "pass"
+        failed = not unknown and not (part.outcome == "leaf" and part.verdict == "pass")
         count, failures, open_ = now.parts + 1, now.failed + failed, now.unknown + unknown
         verdict, at = now.verdict, now.decided_at
         if verdict is Verdict.OPEN:
@@ -170,7 +170,7 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 class Planned(NamedTuple):
     """Numbers of parts after which a study accepts a cell."""
 
-    least: int  # number of parts if no part fails
+    least: int | None  # number of parts if no part fails; None if above `MOST_PARTS`
     # number of parts after which a cell is accepted with probability `POWER`; None if above `MOST_PARTS`, or
     # if the expected share of failures is unknown or not below the limit
     likely: int | None
@@ -184,8 +184,8 @@ def planned(limit: float, expected: float | None) -> Planned:
         expected: share of parts expected to fail in the cell; None: unknown.
     """
     test = SequentialTest(limit)
-    least = _first(lambda count: test.accepts(0, count)) or MOST_PARTS
-    if expected is None or expected >= limit:
+    least = _first(lambda count: test.accepts(0, count))
+    if least is None or expected is None or expected >= limit:
         return Planned(least, None)
     likely = _first(lambda count: binomial_at_most(_most(test, count), count, expected) >= POWER)
     return Planned(least, likely)

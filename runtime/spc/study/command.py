@@ -26,6 +26,7 @@ examples:
 """ + epilog(ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.UNDECIDED, ExitCode.JOURNAL)
 COLUMNS = ("part", "appraiser", "value")
 MOST_ROWS = 100_000
+MOST_VALUE = 1e12  # largest magnitude of a reading
 
 
 def parser() -> Parser:
@@ -108,13 +109,17 @@ def _plan(options: argparse.Namespace) -> int:
         "crossed": figures.CROSSED,
     }
     say_result(options.json, plan, _planned_lines(limit, expected, leaves, count))
-    return ExitCode.CHECK_FAILED if expected is not None and expected >= limit else 0
+    hopeless = count.least is None or (expected is not None and expected >= limit)
+    return ExitCode.CHECK_FAILED if hopeless else 0
 
 
 def _planned_lines(
     limit: float, expected: float | None, leaves: int | None, count: Planned
 ) -> Iterator[str]:
-    shown = f"to show {1.0 - limit:.6g} located"
+    shown = f"to show {1.0 - limit:.9g} located"
+    if count.least is None:
+        yield f"accepted   never: more parts than anybody runs are needed {shown}; state less as --required"
+        return
     yield f"accepted   after {count.least} parts without a failure, {shown}"
     if expected is None:
         yield "           the table says nothing of failures to expect: evaluate it (plan-evaluate)"
@@ -171,8 +176,10 @@ def _readings(path: Path) -> list[list[list[float]]]:
             for count, row in enumerate(rows, 2):
                 if count > MOST_ROWS:
                     raise InputError(f"{path}: has more than {MOST_ROWS} rows")
-                part, appraiser = str(row["part"]).strip(), str(row["appraiser"]).strip()
-                cells.setdefault((part, appraiser), []).append(number(str(row["value"])))
+                part, appraiser, text = ((row[name] or "").strip() for name in COLUMNS)
+                if abs(value := number(text)) > MOST_VALUE:
+                    raise InputError(f"{path}, row {count}: {text} is beyond {MOST_VALUE:g}")
+                cells.setdefault((part, appraiser), []).append(value)
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: is no table of text: {error}") from error
     except argparse.ArgumentTypeError as error:
@@ -201,6 +208,6 @@ def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
 
 def _share(text: str) -> float:
     value = number(text)
-    if not 0.0 < value < 1.0:
+    if not 0.0 < 1.0 - value < 1.0:
         raise argparse.ArgumentTypeError(f"{text!r} is no share between 0 and 1, e.g. 0.99")
     return value

@@ -179,10 +179,12 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
         UsageError: the journals do not hold such a study.
     """
     for number, run in enumerate(runs, 1):
-        if len(run.parts) % parts or len(run.parts) != len(runs[0].parts):
+        count, first = len(run.parts), len(runs[0].parts)
+        if count % parts or count != first:
+            other = f"the first one {first}" if count != first else f"no multiple of {parts}"
             raise UsageError(
-                f"--crossed {parts}: journal {number} holds {len(run.parts)} parts, the first one "
-                f"{len(runs[0].parts)}; each holds all parts equally often"
+                f"--crossed {parts}: journal {number} holds {count} parts, {other}; each holds all "
+                "parts equally often"
             )
         if not all(part.squeezes for part in run.parts):
             raise UsageError(

@@ -66,8 +66,8 @@ def verdict_words(study: Study) -> str:
     shown += f" and {now.unknown} are not known" if now.unknown else ""
     interval = f"failures {bounds.low:.4%} to {bounds.high:.4%} with {1.0 - ERROR:.0%} confidence at any look"
     if now.verdict is Verdict.OPEN:
-        more = max(study.planned.likely or study.planned.least, study.planned.least)
-        planned = f"{more} parts in all were planned"
+        more = max(study.planned.likely or 0, study.planned.least or 0)
+        planned = f"{more or 'too many'} parts in all were planned"
         return f"not decided yet: {required} is asked for; {shown}; {interval}; {planned}"
     decided = f"{now.verdict} after {now.decided_at} parts"
     return f"{decided}: {required} was asked for; {shown}; {interval}"
@@ -115,8 +115,11 @@ def _facts(study: Study, journals: Sequence[str]) -> Iterator[tuple[str, str]]:
     yield "job, SHA-256", table.job_digest.hex()
     yield "compiled by, sheet by", f"{table.tool}, squeezetree {VERSION}"
     yield "gripper", table.gripper.model
+    if any(part.true is not None for part in history.parts):
+        yield "cell", "simulated: the journals hold the true poses of parts"
     likely = "not known" if study.planned.likely is None else str(study.planned.likely)
-    yield "parts that were needed", f"{study.planned.least} without a failure; planned {likely}"
+    least = "too many" if study.planned.least is None else str(study.planned.least)
+    yield "parts that were needed", f"{least} without a failure; planned {likely}"
 
 
 def _curve(study: Study) -> Series:

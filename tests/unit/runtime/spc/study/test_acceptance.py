@@ -79,8 +79,9 @@ def test_followed_unknown_parts_count_against_either_verdict():
 
 def test_followed_reject_is_failure_and_stopped_part_ignored():
     fault, stopped = Part(3, outcome="fault"), Part(4, outcome="stopped")
-    (*_, last) = followed([GOOD, REJECT, fault, stopped, WRONG], 0.01)
-    assert (last.parts, last.failed, last.unknown) == (4, 3, 0)
+    undelivered = Part(5, outcome="fault", verdict="pass")  # the audit came before the delivery
+    (*_, last) = followed([GOOD, REJECT, fault, stopped, WRONG, undelivered], 0.01)
+    assert (last.parts, last.failed, last.unknown) == (5, 4, 0)
 
 
 def test_followed_verdict_once_reached_stays():
@@ -102,6 +103,10 @@ def test_planned_parts_are_fewest_that_suffice():
         parts = [WRONG if wrong else GOOD for wrong in rng.random(count.likely) < 0.002]
         done += list(followed(parts, 0.01))[-1].verdict is Verdict.ACCEPTED
     assert done >= stats.binom.ppf(0.001, 60, POWER)
+
+
+def test_planned_limit_that_no_one_can_show_gives_none():
+    assert planned(1e-9, 0.0) == (None, None)
 
 
 @pytest.mark.parametrize("expected", [None, 0.01, 0.5])

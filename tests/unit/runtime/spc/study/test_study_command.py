@@ -192,7 +192,8 @@ def test_study_measurements_equal_aiag_example(tmp_path, capsys):
         (lambda rows: [["P0", "A", 1.0]], "at least two of each"),
         (lambda rows: [], "at least two of each"),
         (lambda rows: [*rows[:5], ["P9", "A", "nan"]], "row 7: 'nan' is not a number"),
-        (lambda rows: [*rows[:5], ["P9", "A"]], "row 7"),
+        (lambda rows: [*rows[:5], ["P9", "A"]], "row 7: '' is not a number"),
+        (lambda rows: [*rows[:5], ["P9", "A", "-1e200"]], "row 7: -1e200 is beyond 1e+12"),
         (lambda rows: [["P0", "A", 1.0], ["P0", "A", 2.0]], "at least two of each"),
     ],
 )
@@ -211,6 +212,8 @@ def test_study_plan_prints_parts_needed_or_that_none_suffices(tmp_path, capsys):
     dump(worse, tmp_path / "worse.msgpack")
     assert main("--plan", tmp_path / "worse.msgpack") == 11
     assert "no number of parts" in capsys.readouterr().out
+    assert main("--plan", TREE, "--required", "0.9999999999") == 11
+    assert "accepted   never" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -225,6 +228,8 @@ def test_study_plan_prints_parts_needed_or_that_none_suffices(tmp_path, capsys):
         (["{empty}"], 2, "no part yet"),
         (["{few}", "--plan", "t"], 2, "name journals"),
         (["{few}", "--required", "1"], 2, "no share between 0 and 1"),
+        (["{few}", "--required", "1e-300"], 2, "no share between 0 and 1"),
+        (["{few}", "{few}"], 2, "name each journal once"),
         (["--plan", "t", "--truth"], 2, "need journals"),
         (["--plan", "none.msgpack"], 3, "none.msgpack"),
         (["--measurements", "none.csv"], 3, "none.csv"),
