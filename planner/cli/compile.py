@@ -91,7 +91,7 @@ def _single(arguments: argparse.Namespace) -> int:
     job = _job(arguments)
     read = job_file.files(arguments.job)
     what = "a table, which squeezetree report draws"
-    output = shell.checked_output(arguments.output, what, ".msgpack")
+    output = files.fitting(arguments.output, what, ".msgpack")
     files.usable(output, *read)
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search

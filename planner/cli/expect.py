@@ -7,7 +7,7 @@ from planner.cli import shell
 from planner.evaluation.expectation import expected
 from planner.job import model as job_file
 from runtime.shell.command import Parser
-from runtime.shell.files import usable, write
+from runtime.shell.files import fitting, usable, write
 
 NAME = "plan-expect"
 DEFAULT_TRIALS = 100_000
@@ -31,7 +31,7 @@ def parser() -> Parser:
 
 def _expect(arguments: argparse.Namespace) -> None:
     read = () if arguments.job is None else job_file.files(arguments.job)
-    usable(arguments.output, arguments.tree, *read)
+    fitting(usable(arguments.output, arguments.tree, *read), "expected readings", ".json")
     (table, _, digest), job = shell.loaded(arguments)
     with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json) as report:
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))

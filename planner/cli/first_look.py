@@ -32,8 +32,8 @@ from planner.world import make
 from runtime.shell.command import Parser, number, positive, say
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
-from runtime.shell.files import quoted, usable, write
-from runtime.table import dump
+from runtime.shell.files import fitting, quoted, usable, write
+from runtime.table import TableError, dump, load
 
 ANSWER_S = 60.0  # time until the last line, including the compilation of kernels
 LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
@@ -100,7 +100,7 @@ def _try(arguments: argparse.Namespace) -> None:
         return
     started = time.monotonic()
     if arguments.output is not None:
-        usable(arguments.output, arguments.drawing)
+        fitting(usable(arguments.output, arguments.drawing), "a job file", ".toml")
     imported, notes = first_plan.imported_of(arguments)
     setting = first_plan.setting_of(arguments, imported)
     answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
@@ -224,28 +224,45 @@ def _files(arguments: argparse.Namespace, text: str) -> Files:
     """Chooses the paths of the files to write.
 
     `--output` names the job file. Without this option, the job file is the first free one of NAME.toml,
-    NAME-2.toml and so on, with the name of the drawing. A file that already has the text `text` counts as
-    free.
+    NAME-2.toml and so on, with the name of the drawing. The files of an earlier answer for the same job are
+    overwritten, and no others.
 
     Raises:
-        UsageError: the file that `--output` names exists and has another text.
+        UsageError: `--output` names a file that exists, or would overwrite a table or picture beside it.
         OutputError: a file cannot be written.
     """
     stem, number = arguments.drawing.stem, 1
-    job = arguments.output or Path(f"{stem}.toml")
-    while arguments.output is None and job.exists() and not _says(job, text):
+    files = _beside(arguments.output or Path(f"{stem}.toml"))
+    while taken := _taken(files, text):
+        if arguments.output is not None:
+            raise UsageError(f"{taken} is there already; name another file")
         number += 1
-        job = Path(f"{stem}-{number}.toml")
-    files = Files(job, job.with_suffix(".msgpack"), job.with_suffix(".look.svg"))
-    if job.exists() and not _says(job, text):
-        raise UsageError(f"{job} is there already; name another file")
+        files = _beside(Path(f"{stem}-{number}.toml"))
     for path in files:
         usable(path, arguments.drawing)
     return files
 
 
-def _says(path: Path, text: str) -> bool:
-    return path.is_file() and path.read_bytes() == text.encode()
+def _beside(job: Path) -> Files:
+    return Files(job, job.with_suffix(".msgpack"), job.with_suffix(".look.svg"))
+
+
+def _taken(files: Files, text: str) -> Path | None:
+    """The first of the files that exists and is not of an earlier answer for the job `text`; None: none."""
+    if not files.job.exists():
+        return next((path for path in files if path.exists()), None)
+    if not files.job.is_file() or files.job.read_bytes() != text.encode():
+        return files.job
+    return files.table if files.table.exists() and not _is_quick(files.table, text) else None
+
+
+def _is_quick(table: Path, text: str) -> bool:
+    """Whether a file is a table of a first answer for the job `text`; it may be one of a full search."""
+    try:
+        planned = load(table).table.job
+    except TableError:
+        return False
+    return planned == job_file.parse(text).replaced(search=first_plan.QUICK).canonical()
 
 
 def _next(files: Files, picture: Path | None, plan: Plan, seconds: float) -> list[str]:

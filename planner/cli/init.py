@@ -15,7 +15,7 @@ from planner.part.outline import reach, smallest_rectangle
 from planner.part.tips import tips_height_mm
 from runtime.shell.command import Parser, number, say
 from runtime.shell.errors import UsageError
-from runtime.shell.files import quoted, usable, write
+from runtime.shell.files import fitting, quoted, usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
@@ -52,7 +52,7 @@ def parser() -> Parser:
 
 
 def _init(arguments: argparse.Namespace) -> None:
-    output = usable(arguments.output, arguments.outline)
+    output = fitting(usable(arguments.output, arguments.outline), "a job file", ".toml")
     if output.exists() and not arguments.force:
         remedy = "name another file, or overwrite it with --force"
         raise UsageError(f"{output} is there already; {remedy}")

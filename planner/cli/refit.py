@@ -2,7 +2,9 @@
 
 import argparse
 import csv
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +27,13 @@ from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler
 from runtime.shell.command import Parser, positive_int
 from runtime.shell.errors import InputError, UsageError
-from runtime.shell.files import quoted, usable, write
+from runtime.shell.files import fitting, quoted, usable, write
 from runtime.shell.sealed_lines import check_distinct
 from runtime.table import Table, TableFile, names_table
 
 NAME = "plan-refit"
 LEAST_PARTS = 20
+MOST_RESIDUAL_MM = 1e3
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 PREVIEW = (16, 400)  # cells of the posterior in which the table is tried, and parts in each
 
@@ -65,6 +68,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     if arguments.output.exists() and names_table(arguments.output.read_bytes()):
         problem = f"{arguments.output} is a table, which a cell may run"
         raise UsageError(f"{problem}; a refit writes a job: name JOB2.toml")
+    fitting(arguments.output, "a job file", ".toml")
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
     loaded, parts = _parts(arguments, job)
@@ -121,7 +125,9 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
     check_distinct(arguments.journal)
     loaded = run_log.table_of(arguments.journal[0])
     text = loaded.table.job
-    if job_file.from_canonical(text) != job if text else loaded.table.job_digest != job.digest():
+    compiled = job_file.from_canonical(text) if text else job
+    same_search = compiled.replaced(search=asdict(job.search))  # a first answer searches less
+    if same_search != job if text else loaded.table.job_digest != job.digest():
         problem = f"is of a table of another job than {arguments.job}; name the job that it was compiled from"
         raise InputError(problem, where=str(arguments.journal[0]))
     runs = [run_log.read(path, loaded.digest) for path in arguments.journal]
@@ -139,12 +145,14 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
     """Reads a CSV file of audits and sets the residual of each audited part: measured less predicted pose."""
-    rows = list(csv.DictReader(documents.read(path).splitlines()))
+    rows, left = list(csv.DictReader(documents.read(path).splitlines())), dict(enumerate(parts))
     try:
         for row in rows:
             if all(row[name] for name in RESIDUAL):
                 x, y, theta = (float(row[name]) for name in RESIDUAL)
-                parts[int(row["index"])].residual = (x, y, theta)
+                index = int(row["index"])
+                near = math.hypot(x, y) <= MOST_RESIDUAL_MM and abs(theta) <= math.tau  # not if nan
+                left.pop(index if near else -1).residual = (x, y, theta)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         problem = "is no table of its journal's parts; make it with grasp-audit report --export"
         raise InputError(problem, where=str(path)) from error
@@ -189,9 +197,21 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 def _preview(
     cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
-    """Simulates some cells of the posterior; returns their mean shares of wrong and of rejected parts."""
-    number, parts = PREVIEW
-    jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
+    """Simulates some cells of the posterior; returns their mean shares of wrong and of rejected parts.
+
+    What the journals do not determine is in these cells as the job states it.
+    """
+    (number, parts), learned = (
+        PREVIEW,
+        {each.quantity for each in findings(posterior, cells) if each.learned},
+    )
+    points = posterior.cells[:number].copy()
+    for column, quantity in enumerate(cells.space.quantities):
+        if quantity.key not in learned:
+            points[:, column] = quantity.stated
+    if "pressure" not in learned:
+        points[:, -1] = 0
+    jobs = [(cells, point, parts, seed + k) for k, point in enumerate(points)]
     tried = list(scheduler.map(_run, jobs))
     return float(np.mean([t.wrong for t in tried])), float(np.mean([t.rejected for t in tried]))
 

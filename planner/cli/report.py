@@ -9,7 +9,7 @@ from planner.report import comparison, dossier, run_log
 from planner.report.run_log import RunLog
 from runtime.shell.command import Parser
 from runtime.shell.errors import UsageError
-from runtime.shell.files import usable, write
+from runtime.shell.files import fitting, usable, write
 
 NAME = "plan-report"
 MAX_TRIALS = 1_000_000
@@ -45,7 +45,7 @@ def parser() -> Parser:
 
 def _report(arguments: argparse.Namespace) -> None:
     read = () if arguments.job is None else job_file.files(arguments.job)
-    output = shell.checked_output(arguments.output, "a page for a browser", ".html")
+    output = fitting(arguments.output, "a page for a browser", ".html")
     usable(output, arguments.tree, arguments.journal, arguments.compare, *read)
     if arguments.trials > MAX_TRIALS:
         most = f"more than {MAX_TRIALS}; a picture needs less"

@@ -29,7 +29,6 @@ from runtime.table import Table, TableFile, load
 progress = course.shown
 WIDTH = 98  # columns of --help
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that matplotlib writes
-FORMATS = (*PICTURES, ".csv", ".dxf", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the best tree so far is evaluated and kept; Ctrl-C again ends at once"
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
@@ -58,20 +57,6 @@ def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
-
-
-def checked_output(path: Path, what: str, suffix: str) -> Path:
-    """Checks and returns the path of an output, which should end in `suffix`.
-
-    A path without a suffix, or with a suffix that no format has, is allowed, too.
-
-    Raises:
-        UsageError: the path has the suffix of another one of `FORMATS`.
-    """
-    if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
-        name = path.with_suffix(suffix)
-        raise UsageError(f"-o {path}: what is written is {what}; name it {name}")
-    return path
 
 
 def add_drawing(group: argparse._ArgumentGroup) -> None:

@@ -37,6 +37,7 @@ class Quantity(NamedTuple):
     key: str  # name of the quantity in [doubt] or [friction]
     low: float
     high: float
+    stated: float  # the job's value: the middle of its interval, a bound of the friction, or `wishart_dof`
 
 
 class Space(NamedTuple):
@@ -62,14 +63,16 @@ class Space(NamedTuple):
         results = []
         for key, most in usual.items():
             low, high = getattr(doubt, key)
-            results.append(Quantity(key, min(low, -most), max(high, most)))
+            results.append(Quantity(key, min(low, -most), max(high, most), 0.5 * (low + high)))
         if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
-            low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
-            results.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
+            stated = float(np.log(job.pressure.wishart_dof))
+            low, high = sorted((float(np.log(doubt.least_dof)), stated))
+            results.append(Quantity("least_dof", low, high, stated))
         lowest = friction.finger_part_min
         least = max(min(LEAST_FRICTION, lowest), SLIPPERY * lowest)
         most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
-        results += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
+        for key in ("finger_part_min", "finger_part_max"):
+            results.append(Quantity(key, least, most, getattr(friction, key)))
         wide = [quantity for quantity in results if quantity.high > quantity.low]
         return cls(tuple(wide), surfaces)
 

@@ -19,6 +19,22 @@ from runtime.shell.errors import InputError, UsageError
 
 STDOUT = frozenset({Path("-"), Path("/dev/stdout")})
 LONGEST_STEM = 40
+FORMATS = frozenset(
+    [
+        ".png",
+        ".svg",
+        ".pdf",
+        ".csv",
+        ".dxf",
+        ".html",
+        ".json",
+        ".jsonl",
+        ".msgpack",
+        ".stl",
+        ".toml",
+        ".zip",
+    ]
+)  # suffixes of files that a wrong -o must not overwrite
 
 
 class OutputError(UsageError, OSError):
@@ -48,6 +64,20 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
             reason = f"it is the same file as {other}"
     if reason:
         raise OutputError(f"{path} cannot be written: {reason}; name another file")
+    return path
+
+
+def fitting(path: Path, what: str, suffix: str) -> Path:
+    """Checks and returns the path of an output, which should end in `suffix`.
+
+    A path without a suffix, or with a suffix that no format has, is allowed, too.
+
+    Raises:
+        UsageError: the path has the suffix of another one of `FORMATS`.
+    """
+    if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
+        name = path.with_suffix(suffix)
+        raise UsageError(f"-o {path}: what is written is {what}; name it {name}")
     return path
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from runtime.journal.export import Row, write_rows
 from runtime.shell.command import Parser, run
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import usable, writing
+from runtime.shell.files import fitting, usable, writing
 from runtime.spc import expectation
 from runtime.spc.history import RESIDUAL, History, Part, read
 from runtime.spc.monitor import REFIT
@@ -49,6 +49,8 @@ def _report(options: argparse.Namespace) -> int:
     for output, other in ((options.output, None), (options.export, options.output)):
         if output is not None:
             usable(output, *inputs, other)
+    if options.output is not None:
+        fitting(options.output, "a page for a browser", ".html")
     history = read(options.journals)
     expected = None if options.expected is None else expectation.load(options.expected)
     summary = summarise(history, expected)

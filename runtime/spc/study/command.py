@@ -8,7 +8,7 @@ from pathlib import Path
 from runtime.shell.command import Parser, number, positive_int, run, say_result
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import usable, write
+from runtime.shell.files import fitting, usable, write
 from runtime.spc.history import read
 from runtime.spc.study import figures
 from runtime.spc.study.acceptance import ERROR, POWER, Planned, Verdict, planned
@@ -74,7 +74,7 @@ def _study(options: argparse.Namespace) -> int:
 
 def _of_journals(options: argparse.Namespace) -> int:
     if options.output is not None:
-        usable(options.output, *options.journals)
+        fitting(usable(options.output, *options.journals), "a page for a browser", ".html")
     history = read(options.journals)
     if options.truth:
         history = figures.by_truth(history)

@@ -14,6 +14,9 @@ from planner.cli import refit
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
+from planner.refit.posterior import Posterior
+from planner.work.scheduler import Threads
+from runtime.shell.errors import InputError
 from runtime.table import load
 
 
@@ -101,3 +104,35 @@ def other_job(folder: Path) -> list[str]:
     path = folder / "other.toml"
     path.write_text(JOB.read_text().replace("finger_part_max = 0.6", "finger_part_max = 0.7"))
     return [str(path), "--journal", str(journal(folder / "run.jsonl", 25))]
+
+
+def arguments(*words: object):
+    """The parsed command line of a refit with these words."""
+    return refit.parser().parse_args([str(JOB), "-o", "j.toml", *map(str, words)])
+
+
+def test_refit_job_of_a_first_answer_that_searched_less_is_accepted(tmp_path):
+    words = arguments("--journal", journal(tmp_path / "run.jsonl", 20))
+    more = model.load(JOB).replaced(search={"particles": 30_000})
+    assert len(refit._parts(words, more)[1]) == 20
+    with pytest.raises(InputError, match="another job"):
+        refit._parts(words, more.replaced(seed=99))
+
+
+@pytest.mark.parametrize("row", ["0,nan,0,0", "0,1e300,0,0", "-1,0,0,0", "20,0,0,0", "3,0,0,0"])
+def test_refit_audit_of_no_part_or_without_a_number_is_refused(tmp_path, row):
+    audit = tmp_path / "parts.csv"
+    audit.write_text(f"index,{','.join(refit.RESIDUAL)}\n3,0.1,-0.1,0.01\n{row}\n")
+    words = arguments("--journal", journal(tmp_path / "run.jsonl", 20), "--audit", audit)
+    with pytest.raises(InputError, match="no table of its journal's parts"):
+        refit._parts(words, model.load(JOB))
+
+
+def test_preview_of_nothing_learned_is_the_cell_of_the_job():
+    """Where a refit learns nothing, the table fails as rarely as in the cell that the job states."""
+    loaded = load(TREE)
+    cells = Cells.of(model.from_canonical(loaded.table.job), loaded.table)
+    prior = Posterior(cells.space.draw(2000, np.random.default_rng(1)), cells.space)
+    wrong, rejected = refit._preview(cells, prior, 1, Threads(1))
+    assert wrong < 0.01
+    assert rejected < 0.01

@@ -16,8 +16,8 @@ from planner.work.scheduler import Threads
 from runtime.table import load
 
 TABLE = load(TABLE_PATH).table
-FRICTION = (Quantity(f"finger_part_{end}", 0.0, 1.0) for end in ("min", "max"))
-SPACE = Space((Quantity("encoder_mm", -3.0, 3.0), *FRICTION), surfaces=2)
+FRICTION = (Quantity(f"finger_part_{end}", 0.0, 1.0, 0.5) for end in ("min", "max"))
+SPACE = Space((Quantity("encoder_mm", -3.0, 3.0, 0.0), *FRICTION), surfaces=2)
 SIGMA, PARTS = np.array([0.05, 0.04, 0.04]), 100  # standard deviations that so many parts leave
 LOW, SPAN = SPACE.bounds[0], np.ptp(SPACE.bounds, axis=0)
 SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
