@@ -31,7 +31,8 @@ def read(
 
     Raises:
         KeyNameError: a column of `names` is missing.
-        InputError: the file is missing or not CSV, or a value is not a finite number.
+        InputError: the file is missing or not CSV, a column is named twice, a row has more fields than the
+            header, or a value is not a finite number.
     """
     where, defaults = str(path), defaults or {}
     try:
@@ -41,9 +42,16 @@ def read(
         if missing := [name for name in names if name not in header]:
             remedy = f"the header must name {','.join(names)}"
             raise KeyNameError(f"column {', '.join(missing)} is missing; {remedy}", where=where)
+        if len(set(header)) < len(header):
+            raise InputError("the header names a column twice; name each once", where=where)
         rows = []
         for row in reader:
             line = reader.line_num
+            if None in row:
+                remedy = "write decimal points, and a comma between two fields only"
+                raise InputError(
+                    f"line {line}: has more fields than the header; {remedy}", where=where
+                )
             stated = [_number(row[name], name, where, line) for name in names]
             for name, default in defaults.items():
                 stated.append(_number(row[name], name, where, line) if name in header else default)

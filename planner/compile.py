@@ -80,7 +80,7 @@ def compile_job(
         return _measured(job, _by_the_paper(job, workers, trials, say), work, say)
     problem = Problem.of(job, workers)
     say("kernels", 0, 1)
-    _load_kernels(problem)  # kernels compile at their first call, which no budget should pay for
+    load_kernels(problem)  # kernels compile at their first call, which no budget should pay for
     limit.start()
     compiled = _measured(job, planned(problem, limit, trials, say), work, say)
     if not compiled.evaluation.success.any():
@@ -114,7 +114,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     return Plan(predicting(table, evaluation), plan.root, evaluation, plan.untried, seed, cut)
 
 
-def _load_kernels(problem: Problem) -> None:
+def load_kernels(problem: Problem) -> None:
     """Calls all kernels, so that they get compiled: a small search, then squeezes with each limit surface."""
     small = problem.job.replaced(search={"particles": FEW})
     with suppress(NoPlanError):

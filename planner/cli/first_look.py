@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from planner.cli import course, first_plan, shell
 from planner.cli.gripper_comparison import ALL, compare
-from planner.compile import Plan
+from planner.compile import Plan, load_kernels
 from planner.diagnosis.advice import advise
 from planner.diagnosis.alike import alike
 from planner.errors import FitError, NoPlanError
@@ -20,6 +20,7 @@ from planner.job.drafts import FINGERS, GRIPPERS, draft
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
+from planner.problem import Problem
 from planner.report import canvas, look, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
@@ -28,7 +29,6 @@ from planner.report.worlds import affordable, seconds_a_part, tried, untried
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
-from planner.world import make
 from runtime.shell.command import Parser, number, positive, say
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
@@ -128,7 +128,7 @@ def _try(arguments: argparse.Namespace) -> None:
         show("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
         with first_plan.progress_of(arguments, course.unknown) as report, shell.compiling():
             report("kernels", 0, 1)
-            make(job, seed=0).squeeze((0.0, 0.0, 0.0))
+            load_kernels(Problem.of(job))
         ready = time.monotonic()
         answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
         with first_plan.progress_of(arguments, course.of_time(answer_s)) as report:
@@ -198,9 +198,10 @@ def _answered(
     elif figures["success_rate"] < 1.0:
         with spared("advice"):
             limits = advise(plan.table, plan.evaluation, job).lines()
-    if lines and (left_out := untried(job, lines)):
+    left_out = untried(job, lines) if lines else []
+    if left_out:
         limits.append(f"the budget left no time to try: {'; '.join(left_out)}")
-    result = verdict(job, figures, lines)
+    result = verdict(job, figures, lines, left_out)
     short = _short(result.grade, figures["success_rate"], open_share)
     most, worst, confidence = plan.table.limits.max_depth, weakest(lines), job.goal.confidence
     return Answer(short, result, figures, most, worst, limits, restrictions, confidence)

@@ -55,9 +55,8 @@ def imported_of(arguments: Namespace) -> tuple[Imported, list[str]]:
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
     imported, notes = in_mm(read_outline, arguments.drawing, options)
-    if arguments.thickness is not None:
-        imported = imported._replace(height_mm=arguments.thickness)
-    return imported, [*notes, *imported.notes]
+    height_mm = shell.thickness_of(imported.height_mm, arguments.thickness)
+    return imported._replace(height_mm=height_mm), [*notes, *imported.notes]
 
 
 def in_mm(

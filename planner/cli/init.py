@@ -43,7 +43,7 @@ def parser() -> Parser:
     add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
     text = "the part is turned by at most this, either way (default: any angle)"
     add("--turn", type=number, metavar="DEG", help=text)
-    text = "height of the part, from the table to its top (default: that of an STL solid)"
+    text = "height of the part, from the table to its top (default, and at least: that of an STL solid)"
     add("--thickness", type=number, metavar="MM", help=text)
     add("--gripper", choices=GRIPPERS, help="model of the gripper")
     add("--fingers", choices=FINGERS, help="material of the finger pads")
@@ -171,12 +171,13 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
             clear = "do not clear the part at every angle, wherever it lies"
         remedy = "a smaller --radius, a --turn or a wider gripper may be needed"
         print(f"{NAME}: warning: open fingers {clear}; {remedy}", file=sys.stderr)
-    thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
+    thickness = shell.thickness_of(imported.height_mm, arguments.thickness)
     if thickness is None and asking:
         question = "its thickness, table to top [mm; empty: not known]: "
         thickness = _ask(question, lambda text: number(text) if text else None)
     answers = Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
-    return answers._replace(tips_mm=arguments.height_mm)
+    solid = imported.height_mm is not None
+    return answers._replace(tips_mm=_drawing(arguments).height_mm if solid else arguments.height_mm)
 
 
 def _choice(question: str, choices: Collection[str]) -> str:

@@ -43,6 +43,14 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     return result
 
 
+def thickness_of(solid_mm: float | None, stated_mm: float | None) -> float | None:
+    """The height of a part: as stated, but at least that of the solid, over which the hand has to pass.
+
+    Arguments are None if the drawing is no solid, or nothing is stated; the result is None if both are.
+    """
+    return max((mm for mm in (solid_mm, stated_mm) if mm is not None), default=None)
+
+
 def refuse(problems: Iterator[str]) -> None:
     """Raises a `UsageError` for the first problem of a command line, if there is any."""
     for problem in problems:

@@ -58,13 +58,16 @@ def weakest(lines: Sequence[Line]) -> Weakest | None:
     return Weakest(line.case.name, figures["wrong_rate"], figures["success_rate"])
 
 
-def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Verdict:
+def verdict(
+    job: Job, figures: dict[str, Any], lines: Sequence[Line] = (), untried: Sequence[str] = ()
+) -> Verdict:
     """The verdict on a job's table.
 
     Args:
         job: the job of the table.
         figures: as `Evaluation.summary` returns them; for several parts, also those of `Identities`.
         lines: evaluations in several worlds, the planned one first; empty if no other was tried.
+        untried: names of further worlds, for which there was no time.
     """
     success, wrong, worst = figures["success_rate"], figures["wrong_rate"], weakest(lines)
     grade: Grade = "good"
@@ -75,7 +78,7 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
     effort = f"{figures['mean_squeezes']:.1f} squeezes, about {figures['seconds_mean']:.1f} s"
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
-    sentence = f"{_located(job, figures)}, {effort}{_leaning(job, worst)}"
+    sentence = f"{_located(job, figures)}, {effort}{_leaning(job, worst, len(untried))}"
     return Verdict(grade, sentence, error, _conditions(lines), warnings_of(job))
 
 
@@ -131,9 +134,11 @@ def _located(job: Job, figures: dict[str, Any]) -> str:
     return f"{done} {share} ({percent(figures['identity_rate'])} of the names given are right)"
 
 
-def _leaning(job: Job, worst: Weakest | None) -> str:
+def _leaning(job: Job, worst: Weakest | None, untried: int) -> str:
     if worst is None:
         return ""
+    if untried:
+        return f"; {untried} assumptions were not tried, the weakest of the others: {worst.text()}"
     if worst.wrong < GOOD_WRONG and worst.success >= job.goal.confidence:
         return f"; it holds where assumptions fail one by one, the weakest: {worst.text()}"
     return f"; weakest assumption: {worst.text()}"

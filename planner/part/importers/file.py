@@ -85,17 +85,24 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
     """Context manager that reads a file and yields its shapes; `_reading` limits the time of the body."""
+    with _reading(path) as notes:
+        suffix = _suffix_of(path, options)
+        data = _bytes(path)
+        pieces = READERS[suffix].read(data, options)
+        notes += [*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)]
+        yield pieces
+
+
+def _suffix_of(path: Path, options: Options) -> str:
+    """Checks the options for reading a file; returns the file's suffix."""
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
     if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
         raise UsageError("--scale states the mm of one unit, from 1e-6 to 1e6, instead of --units")
-    with _reading(path) as notes:
-        data, suffix = _bytes(path), path.suffix.lower()
-        if options.layer is not None and suffix != ".dxf":
-            raise UsageError("--layer is for DXF drawings; leave it out")
-        pieces = READERS[suffix].read(data, options)
-        notes += [*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)]
-        yield pieces
+    suffix = path.suffix.lower()
+    if options.layer is not None and suffix != ".dxf":
+        raise UsageError("--layer is for DXF drawings; leave it out")
+    return suffix
 
 
 @contextmanager
@@ -129,12 +136,14 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         ExpectedError: see `read_outline`; or the solid is not closed, or too thin on a face.
     """
     with _reading(path):
-        if path.suffix.lower() != ".stl":
+        if _suffix_of(path, options) != ".stl":
             raise UsageError("--faces are those of a solid; name an STL file")
         every = mesh.lying(_bytes(path), options)
         results = [face for face in every if face.share >= LEAST_SHARE]
         least_mm = min(float(np.ptp(face.solid.bounds[:, 2])) for face in results)
-        height_mm = options.height_mm or tips_mm(least_mm)
+        height_mm = tips_mm(least_mm) if options.height_mm is None else options.height_mm
+        if options.height_mm is not None and not 0.0 < height_mm < least_mm:
+            raise UsageError(f"--height {height_mm:g} is not between 0 and {least_mm:.4g} mm")
         if height_mm <= 0.0:
             raise InputError(f"lies {least_mm:.3g} mm high, too thin for finger tips")
         faces: list[Face] = []

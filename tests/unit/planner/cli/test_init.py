@@ -136,4 +136,26 @@ def test_init_solid_outline_is_taken_at_the_squeeze_height(tmp_path, stated, tip
     assert init.main(words(solid, output, "--units", "mm", *stated)) == 0
     job = job_file.load(output)
     assert job.cell.squeeze_height_mm == pytest.approx(tips)
+    assert job.part.height_mm == 30.0  # whatever is stated, the hand has to pass over the solid
     assert np.ptp(job.part.outline_mm, axis=0).max() == pytest.approx(length)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--tolerance", "-1", "not between 0.0001 and 1 mm"),
+        ("--tolerance", "50", "not between 0.0001 and 1 mm"),
+        ("--layer", "X", "--layer is for DXF drawings"),
+        ("--scale", "2", "instead of --units"),
+        ("--height", "0", "--height 0 is not between 0 and"),
+        ("--height", "-3", "--height -3 is not between 0 and"),
+    ],
+)
+def test_init_faces_with_an_option_out_of_range_is_refused(tmp_path, capsys, option, value, says):
+    solid = tmp_path / "box.stl"
+    trimesh.creation.box((30.0, 20.0, 12.0)).export(solid)
+    assert (
+        init.main(words(solid, tmp_path / "j.toml", "--units", "mm", "--faces", option, value)) == 2
+    )
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "j.toml").exists()

@@ -69,6 +69,13 @@ def test_cell_result_all_located_is_good_and_failed_audit_is_poor():
     assert result == ("poor", "2 of 3 parts located, 1 refuted by the audit")
 
 
+def test_verdict_of_worlds_that_were_not_tried_claims_nothing_about_them():
+    assert "it holds where" in verdict(JOB, FIGURES, [PLANNED, world("friction 1.3", 0.0)]).sentence
+    partly = verdict(JOB, FIGURES, [PLANNED, world("friction 1.3", 0.0)], ["a", "b", "c"]).sentence
+    assert "it holds where" not in partly
+    assert "3 assumptions were not tried" in partly
+
+
 def test_verdict_conditions_keep_the_strictest_of_each_kind():
     lines = [
         PLANNED,
