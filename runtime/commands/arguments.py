@@ -9,7 +9,7 @@ from typing import Any
 
 from runtime.execution import safe_state
 from runtime.monitoring.shift import CHANGES
-from runtime.shell.command import Parser, positive, positive_int, say, seconds
+from runtime.shell.command import Parser, named_path, positive, positive_int, say, seconds
 from runtime.shell.exit_codes import ExitCode, epilog
 
 Add = Callable[..., object]  # `add_argument` of a group
@@ -105,7 +105,7 @@ def parser() -> Parser:
     text = "activate a gripper that is inactive or in fault: its fingers open and close fully"
     add("--activate", action="store_true", help=text)
     text = f"append the run to this journal, after verifying its latest file (default: ./{DEFAULT_JOURNAL})"
-    add("--journal", type=Path, default=DEFAULT_JOURNAL, metavar="P", help=text)
+    add("--journal", type=named_path, default=DEFAULT_JOURNAL, metavar="P", help=text)
     text = (
         "public key: refuse the run unless a pack beside the table, signed with this key, holds the run's "
         "table and calibration (squeezetree pack)"

@@ -20,6 +20,7 @@ from runtime.devices.lock import PortLock
 from runtime.execution import calibration, held
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
+from runtime.execution.tips import is_arc
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
@@ -193,6 +194,12 @@ def _checked(
     usable(arguments.output)
     tips = _pair("--tips", arguments.tips)
     current = _pair("--current", arguments.current)
+    if tips is not None and not is_arc(*tips):
+        raise UsageError(
+            f"--tips {arguments.tips!r}: name LINK,OFFSET in mm, the offset below the link"
+        )
+    if current is not None and not 0.0 <= current[0] < current[1]:
+        raise UsageError(f"--current {arguments.current!r}: name LEAST,MOST in mA, the least first")
     return widths_mm, tips, None if current is None else (round(current[0]), round(current[1]))
 
 

@@ -14,7 +14,16 @@ from runtime.journal.chain import records, verify
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
-from runtime.shell.command import Commands, Parser, add_command, natural, run, say_result, seconds
+from runtime.shell.command import (
+    Commands,
+    Parser,
+    add_command,
+    named_path,
+    natural,
+    run,
+    say_result,
+    seconds,
+)
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, words_of
@@ -71,7 +80,7 @@ def _subcommand(subcommands: Commands, name: str, body: object, help_text: str) 
     example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     command = add_command(subcommands, help_text, example, EXIT_CODES)
     text = "the journal; its sealed segments are read with it"
-    command.add_argument("journal", type=Path, help=text)
+    command.add_argument("journal", type=named_path, help=text)
     which = "a record" if name == "show" else "instead of text"
     command.add_common(f"print one JSON object {which}")
     command.set_defaults(run=body)

@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
-from math import inf
+from math import inf, nan
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA, given
 from runtime.execution import delivery, middle
@@ -10,7 +10,7 @@ from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
-from runtime.execution.tips import TipArc
+from runtime.execution.tips import TipArc, is_arc
 from runtime.monitoring.monitor import Views
 from runtime.shell.errors import UsageError
 from runtime.table import Table, job_of
@@ -194,9 +194,11 @@ def arc_of(
         try:
             link_mm, offset_mm = (float(word) for word in arguments.tips.split(","))
         except ValueError:
+            link_mm = offset_mm = nan
+        if not is_arc(link_mm, offset_mm):
             raise UsageError(
-                f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
-            ) from None
+                f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm, OFFSET below LINK"
+            )
         return None if _is_manual(arguments) else TipArc(link_mm, offset_mm, taught_mm)
     level = arguments.tips is None and arguments.port == SIMULATED
     if arguments.tips == "straight" or level or _is_manual(arguments):

@@ -19,6 +19,7 @@ verdict is "unknown". With several hypotheses, the question also states the `hyp
 import json
 import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 
 from runtime.devices.child import ChildProcess
 from runtime.devices.clock import SystemClock
@@ -51,9 +52,11 @@ class AuditProcess(ChildProcess):
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = ANSWER_S  # time limit for judging one part
         self._owed = 0  # number of questions without an answer so far, given up or not
+        if not command.strip():
+            raise UsageError("--audit names no program")
         try:
             super().__init__(shlex.split(command))
-        except (OSError, ValueError, IndexError) as error:
+        except (OSError, ValueError) as error:
             raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
     def judge(self, part: int, pose: Pose2, hypothesis: str | None = None) -> dict[str, object]:
@@ -101,6 +104,8 @@ class AuditProcess(ChildProcess):
     def _ask(self, asked: Mapping[str, object], answer_s: float) -> Mapping[str, object]:
         try:
             until = SystemClock().now() + answer_s
+            if not self._owed and self._drop_unread(until):
+                raise ValueError("the auditor answered a question more than once")
             self._owed += 1
             self._tell(json.dumps({**asked, **self._common}).encode(), until)
             answer = b""
@@ -115,6 +120,15 @@ class AuditProcess(ChildProcess):
             raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
         reply = strict_json.parse(answer)
         return reply if isinstance(reply, dict) else {}
+
+    def _drop_unread(self, until: float) -> bool:
+        """Drops the lines that nobody asked for, until a time at most; returns whether there were any."""
+        dropped = False
+        with suppress(TimeoutError):
+            while SystemClock().now() < until:
+                self._line(0.0)
+                dropped = True
+        return dropped
 
 
 def _is_plain(value: object) -> bool:

@@ -5,7 +5,12 @@ stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85
 """
 
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
+
+
+def is_arc(link_mm: float, offset_mm: float) -> bool:
+    """Whether links of this length can carry tips at this offset; false for NaN and infinity."""
+    return abs(offset_mm) < link_mm < inf
 
 
 @dataclass(frozen=True, slots=True)

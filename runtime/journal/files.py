@@ -98,8 +98,11 @@ def claim(path: Path) -> int:
         OSError: the file cannot be opened.
     """
     check_whole(path)
-    if path.suffix[1:].isdecimal() and path in sealed_segments(path.with_suffix("")):
-        raise JournalError(path, f"is a segment of {path.with_suffix('')}; name that one")
+    base, ending = path.with_suffix(""), path.suffix[1:]
+    if ending.isdecimal() and (path in sealed_segments(base) or os.path.lexists(base)):
+        raise JournalError(path, f"is a segment of {base}; name that one")
+    if ending in ("broken", "next") and os.path.lexists(base):
+        raise JournalError(path, f"is a name that {base} may need; choose another")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, "its folder may not be written to")
     opened = path

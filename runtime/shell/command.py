@@ -257,6 +257,14 @@ def number(text: str) -> float:
     return value
 
 
+def named_path(text: str) -> Path:
+    """Parses the path of a file, for argparse; "", "." and "/" name none."""
+    path = Path(text)
+    if not path.name:
+        raise argparse.ArgumentTypeError(f"{text!r} is no name of a file")
+    return path
+
+
 def positive(text: str) -> float:
     """Parses a finite number above 0, for argparse."""
     value = number(text)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from runtime.journal.export import Row, write_rows
-from runtime.shell.command import Parser, run
+from runtime.shell.command import Parser, named_path, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import fitting, usable, writing
 from runtime.spc import expectation
@@ -30,7 +30,7 @@ def parser() -> Parser:
     built = Parser(prog="grasp-audit report", description=text, epilog=EPILOG)
     add = built.add_argument
     text = "journals of one table, in the order of the runs"
-    add("journals", type=Path, nargs="+", metavar="JOURNAL", help=text)
+    add("journals", type=named_path, nargs="+", metavar="JOURNAL", help=text)
     add("-o", "--output", type=Path, metavar="F.html", help="write the report as this page")
     text = "expected readings from plan-expect, by which a change of friction is detected early"
     add("--expected", type=Path, metavar="F", help=text)

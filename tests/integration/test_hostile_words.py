@@ -87,6 +87,23 @@ def test_grasp_runtime_lost_output_closes_journal_or_starts_no_run(
     assert not journal.exists() if message == CLOSED else verify(journal).closed
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--journal", ""), "'' is no name of a file"),
+        (("--journal", "/"), "'/' is no name of a file"),
+        (("--tips=57.15,inf",), "--tips 57.15,inf: write"),
+        (("--tips=nan,0",), "--tips nan,0: write"),
+        (("--tips=57.15,68",), "--tips 57.15,68: write"),
+    ],
+)
+def test_grasp_runtime_word_without_a_meaning_is_refused_before_a_run(
+    execute: Execute, tmp_path: Path, words: tuple[str, ...], message: str
+) -> None:
+    assert message in refused(execute, RUNTIME, *simulated(tmp_path, *words), code=2)
+    assert not (tmp_path / "squeezetree-journal.jsonl").exists()
+
+
 @pytest.mark.parametrize("stream", ["<&- 2>&-", "2>/dev/full"])
 def test_grasp_journal_closed_stdin_or_stderr_keeps_exit_code(
     execute: Execute, journal: Path, stream: str

@@ -5,7 +5,7 @@ import csv
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from runtime.shell.command import Parser, number, positive_int, run, say_result
+from runtime.shell.command import Parser, named_path, number, positive_int, run, say_result
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import fitting, usable, write
@@ -35,7 +35,7 @@ def parser() -> Parser:
     built = Parser(prog="grasp-audit study", description=text, epilog=EPILOG)
     add = built.add_argument
     text = "journals of audited runs of one table, in the order of the runs"
-    add("journals", type=Path, nargs="*", metavar="JOURNAL", help=text)
+    add("journals", type=named_path, nargs="*", metavar="JOURNAL", help=text)
     text = "the run-off sheet, to print on two pages"
     add("-o", "--output", type=Path, metavar="F.html", help=text)
     text = (

@@ -23,6 +23,17 @@ for line in sys.stdin:
     assert run == own or asked == {"part": 0}
     print(json.dumps({"verdict": "pass", "reason": "\\x1b[2J", "table_sha256": own}), flush=True)
 """,
+    "twice": """
+for line in sys.stdin:
+    if json.loads(line)["part"]:
+        print('{"verdict": "pass"}\\n{"verdict": "fail"}', flush=True)
+    else:
+        print('{"verdict": "pass"}', flush=True)
+""",
+    "flood": """
+while True:
+    print('{"verdict": "pass"}', flush=True)
+""",
     "odd": """
 for line in sys.stdin:
     print(json.dumps({"verdict": "maybe", "residual_x_mm": 0.25, "odd": [1], "no name": 1}), flush=True)
@@ -51,6 +62,26 @@ def auditor(request, tmp_path, monkeypatch):
     with AuditProcess(f"{sys.executable} {program}") as result:
         result._answer_s = 5.0
         yield result
+
+
+def test_auditor_without_a_program_is_refused():
+    with pytest.raises(UsageError, match="names no program"):
+        AuditProcess(" ")
+
+
+@pytest.mark.parametrize("auditor", ["twice"], indirect=True)
+def test_judge_second_answer_to_a_part_is_not_taken_for_the_next_one(auditor):
+    auditor.check()
+    seen = [auditor.judge(part, POSE) for part in range(1, 5)]
+    assert [each["verdict"] for each in seen] == ["pass", "unknown"] * 2
+    assert "more than once" in seen[1]["reason"]
+
+
+@pytest.mark.parametrize("auditor", ["flood"], indirect=True)
+def test_judge_auditor_that_never_stops_talking_meets_its_deadline(auditor):
+    auditor._answer_s = 0.1
+    for part in range(1, 5):
+        assert auditor.judge(part, POSE)["verdict"] in ("pass", "unknown")
 
 
 @pytest.mark.parametrize("auditor", ["pass"], indirect=True)

@@ -153,6 +153,16 @@ def test_journal_path_of_sealed_segment_is_refused(tmp_path):
         Journal(segment(path, 1), STAMP)
 
 
+@pytest.mark.parametrize("ending", ["000001", "7", "broken", "next"])
+def test_journal_beside_another_one_whose_file_it_might_be_is_refused(tmp_path, ending):
+    with Journal(tmp_path / "j.jsonl", STAMP):
+        pass
+    with pytest.raises(JournalError, match=r"is a segment of|may need"):
+        Journal(tmp_path / f"j.jsonl.{ending}", STAMP)
+    with Journal(tmp_path / "j.jsonl", STAMP):
+        pass
+
+
 class KilledError(BaseException):
     """Raised in place of killing the process."""
 
