@@ -53,7 +53,7 @@ class AuditProcess(ChildProcess):
         self._answer_s = ANSWER_S  # time limit for judging one part
         self._owed = 0  # number of questions without an answer so far, given up or not
         if not command.strip():
-            raise UsageError("--audit names no program")
+            raise UsageError(f"--audit {command!r} cannot be started: it names no program")
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError) as error:

@@ -64,11 +64,6 @@ def auditor(request, tmp_path, monkeypatch):
         yield result
 
 
-def test_auditor_without_a_program_is_refused():
-    with pytest.raises(UsageError, match="names no program"):
-        AuditProcess(" ")
-
-
 @pytest.mark.parametrize("auditor", ["twice"], indirect=True)
 def test_judge_second_answer_to_a_part_is_not_taken_for_the_next_one(auditor):
     auditor.check()
