@@ -18,6 +18,7 @@ from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.paper.search import METHODS
 from planner.part import tips
 from planner.work.limit import Limit
 from runtime.shell import files
@@ -138,6 +139,9 @@ def _job(arguments: argparse.Namespace) -> Job:
         if getattr(arguments, option):
             name = f"--{option.replace('_', '-')}"
             shell.check_one_part(job.hypothesis, str(arguments.job), name)
+    if job.search.method in METHODS and math.isfinite(arguments.budget):
+        problem = f'{arguments.job} has search.method = "{job.search.method}"'
+        raise UsageError(f"{problem}, which no --budget ends early; leave --budget out")
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
         has = f'{arguments.job} has actions.pushes = "belief"'
         raise UsageError(f"--bound is for squeezes alone; {has}")

@@ -22,7 +22,9 @@ from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds, supply
-from runtime.shell.command import Parser, natural, number, positive_int
+from runtime.shell.command import Parser, natural, number, positive_int, tell
+from runtime.shell.errors import UsageError
+from runtime.shell.exit_codes import ExitCode
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table, takt_text
@@ -32,6 +34,10 @@ DEFAULT_TRIALS = 20_000
 BELIEVED_TRIALS = 4_000  # trials in each world that the job believes possible
 DEFAULT_PPM_TRIALS = 1_000_000
 MOST_ROWS = 8
+MOST_ERROR = 1000.0  # largest error of a cell [mm or degrees]
+WITHOUT_EFFECT = frozenset(
+    {"actions", "delivery", "goal", "search", "seed"}
+)  # sections, on a world
 RATES = "wrong {wrong_rate:.2%}, success {success_rate:.2%} of {trials} parts"
 
 
@@ -79,29 +85,31 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     add("--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
     text = "evaluate in a standard set of worlds, one line each; without other changes of the world"
     add("--sweep", action="store_true", help=text)
-    add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
+    add("--encoder-offset-mm", type=_error, default=0.0, metavar="MM", help="added to every width")
     text = "standard deviation of the hand's x and y, drawn for every squeeze"
     add("--placement-error-mm", type=_spread, default=0.0, metavar="MM", help=text)
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
     place: dict[str, Any] = {"nargs": 2, "default": (0.0, 0.0), "metavar": ("X", "Y")}
     text = "constant error of the hand's place in the world"
-    add("--placement-bias-mm", type=number, help=text, **place)
-    add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
+    add("--placement-bias-mm", type=_error, help=text, **place)
+    add("--placement-bias-deg", type=_error, default=0.0, metavar="DEG", help="and of its angle")
 
 
-def _evaluate(arguments: argparse.Namespace) -> None:
+def _evaluate(arguments: argparse.Namespace) -> int | None:
     shell.refuse(_mistakes(arguments))
     if arguments.resume is not None:
         usable(arguments.resume, arguments.tree, arguments.job)
     (table, _, _), job = shell.loaded(arguments)
-    study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
+    study: Callable[..., int | None] = _single
+    if arguments.ppm or arguments.sweep:
+        study = _rare if arguments.ppm else _sweep
     with shell.scheduler(arguments) as scheduler:
-        study(table, job, scheduler, arguments)
+        return study(table, job, scheduler, arguments)
 
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """Evaluates the table in one world, and prints a detailed answer."""
-    real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
+    real = _real(job, arguments)
     worlds, cell = _worlds_of(arguments), _disturbance(arguments)
     trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
     with shell.progress(arguments.json) as report:
@@ -148,8 +156,10 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     )
 
 
-def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
+def _rare(
+    table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace
+) -> int | None:
+    real = _real(job, arguments)
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
     cell = _disturbance(arguments)
@@ -161,14 +171,21 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
         sums = resumed(kept, identity, len(table.leaves))
     with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
-        for done in continued(study, sums, wanted, scheduler):
-            sums = done
-            report("evaluate", sums.parts, wanted)
-            if kept is not None:
-                keep(kept, identity, sums)
+        try:
+            for done in continued(study, sums, wanted, scheduler):
+                sums = done
+                report("evaluate", sums.parts, wanted)
+                if kept is not None:
+                    keep(kept, identity, sums)
+        except KeyboardInterrupt:
+            if kept is None:
+                raise
+            tell(NAME, f"interrupted; the same command continues after the parts that {kept} keeps")
+            return ExitCode.INTERRUPTED
     result = Findings.of(sums)
     message = f"{sums.parts} parts in {_name_of_world(arguments)}"
     shell.answer(arguments.json, result.figures(), message, *result.lines())
+    return None
 
 
 def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
@@ -199,6 +216,24 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         shell.answer(True, {"worlds": lines})
 
 
+def _real(job: Job, arguments: argparse.Namespace) -> Job:
+    """The job of the world: that of the table with --world-set.
+
+    Raises:
+        UsageError: a change has no effect on a world, or leads to another number of parts.
+    """
+    changes = changes_of(arguments.world_set)
+    for name in sorted(changes.keys() & WITHOUT_EFFECT):
+        raise UsageError(
+            f"--world-set {name}: no world depends on it; change the job, and compile it"
+        )
+    real = job.replaced("the job with --world-set", **changes)
+    if len(real.alone) != len(job.alone):
+        stated = f"{len(real.alone)} parts, those of the table are {len(job.alone)}"
+        raise UsageError(f"--world-set leads to {stated}; change the job, and compile it")
+    return real
+
+
 def _worlds_of(arguments: argparse.Namespace) -> Callable[[Job], World | Worlds]:
     return lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies)
 
@@ -221,10 +256,18 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
 
 def _spread(value: str) -> float:
     """Parses a standard deviation, which must not be negative, for argparse."""
-    spread = number(value)
+    spread = _error(value)
     if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
     return spread
+
+
+def _error(value: str) -> float:
+    """Parses an error of a cell [mm or degrees], for argparse."""
+    error = number(value)
+    if abs(error) > MOST_ERROR:
+        raise argparse.ArgumentTypeError(f"{value} is beyond {MOST_ERROR:g}")
+    return error
 
 
 def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[str]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner import columns
+from planner.arguments import FARTHEST
 from planner.arrays import Array
 from planner.cli import pushes, shell, tips
 from planner.errors import KeyNameError
@@ -195,8 +196,16 @@ def read_poses(path: Path) -> Array:
     """Reads poses (n, 3) [mm, mm, rad] from a file that states angles in radians or in degrees.
 
     Raises:
-        InputError: see `columns.read`; or the two angles of a line differ.
+        InputError: see `columns.read`; or the two angles of a line differ, or a pose is too far away.
     """
+    poses = _stated_poses(path)
+    if len(poses) and np.abs(poses).max() > FARTHEST:
+        number = int(np.argmax(np.abs(poses).max(axis=1))) + 1
+        raise InputError(f"pose {number}: is beyond {FARTHEST:g} mm or rad", where=str(path))
+    return poses
+
+
+def _stated_poses(path: Path) -> Array:
     try:
         x, y, theta = columns.read(path, INPUTS).values()
     except KeyNameError:

@@ -79,13 +79,19 @@ class Sums(NamedTuple):
         """Converts the output of the method `document` back to sums.
 
         Raises:
-            KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
+            KeyError, TypeError, ValueError: the document is invalid, has another number of leaves, or counts
+                more outcomes than parts.
         """
         empty = cls.none(leaves)._asdict()
         sums: dict[str, Any] = {name: np.array(document[name], np.float64)[()] for name in empty}
         if any(np.shape(sums[name]) != np.shape(value) for name, value in empty.items()):
             raise ValueError("sums of another table")
-        return cls(**{**sums, "parts": int(sums["parts"])})
+        result = cls(**{**sums, "parts": int(sums["parts"])})
+        ended = result.visits.sum() + result.rejected + result.crashed
+        counted = np.array([*result.visits, *(result.visits - result.wrong), *result.squares])
+        if not (counted.min() >= 0.0 and 0.0 <= ended <= result.parts):  # not if nan
+            raise ValueError("more outcomes than parts")
+        return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,7 @@ from runtime.shell.plain_text import capital, cleaned
 OURS = frozenset({"planner", "runtime", "drivers"})
 INTERRUPTED = ExitCode.INTERRUPTED, "interrupted"
 LONGEST_LINE = 2000
+MOST = 10**9  # largest number that counts something
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
 _lost: list[OSError] = []  # errors by which standard output has lost lines since `run` began
@@ -237,8 +238,11 @@ def one_line(words: object) -> str:
 
 
 def positive_int(text: str) -> int:
-    """Parses an integer of at least 1, for argparse."""
-    return _at_least(1, text)
+    """Parses an integer from 1 to `MOST`, for argparse."""
+    value = _at_least(1, text)
+    if value > MOST:
+        raise argparse.ArgumentTypeError(f"{text!r} is more than {MOST}")
+    return value
 
 
 def natural(text: str) -> int:

@@ -129,6 +129,7 @@ BAD_JOBS = {
     "large": lambda text: text.replace("[30, 0], [30, 21], [0, 2", "[99, 0], [99, 99], [0, 9"),
 }
 OUT, CSV = "-o out.msgpack", "-o out.csv"
+CHIRAL = "--world-set part.symmetry=1 --world-set part.outline_mm=[[0,0],[30,0],[30,9],[0,20]]"
 REFUSED = [
     *((compile_, f"{name}.toml {OUT}", 3, "") for name in BAD_JOBS if name != "key"),
     (compile_, f"key.toml {OUT}", 3, "distance_mm"),
@@ -153,6 +154,12 @@ REFUSED = [
     (evaluate, "TABLE --sweep --encoder-offset-mm 1", 2, ""),
     (evaluate, "TABLE --placement-error-mm -1", 2, ""),
     (evaluate, "TABLE --encoder-offset-mm nan", 2, ""),
+    (evaluate, "TABLE --placement-bias-mm 1e7 0", 2, "beyond 1000"),
+    (evaluate, "TABLE --placement-error-mm 1e8", 2, "beyond 1000"),
+    (evaluate, "TABLE --trials 99999999999999999999", 2, "is more than 1000000000"),
+    (evaluate, "TABLE --world-set goal.distance_mm=0.01", 2, "no world depends on it"),
+    (evaluate, "TABLE --world-set seed=5", 2, "no world depends on it"),
+    (evaluate, f"TABLE --world-set part.faces=either {CHIRAL}", 2, "leads to 2 parts"),
     (evaluate, "TABLE --resume study.json", 2, ""),
     (evaluate, "TABLE --ppm --sweep", 2, ""),
     (evaluate, "TABLE --ppm --resume TABLE", 2, ""),
@@ -160,6 +167,8 @@ REFUSED = [
     (simulate, f"JOB --poses none.csv {CSV}", 3, "none"),
     (simulate, f"JOB --poses nan.csv {CSV}", 3, "line 3"),
     (simulate, f"JOB --poses two.csv {CSV}", 3, "theta_rad"),
+    (simulate, f"JOB --poses far.csv {CSV}", 3, "pose 1: is beyond"),
+    (compile_, f"paper.toml {OUT} --budget 9s", 2, "leave --budget out"),
     (simulate, f"JOB --poses in.csv {CSV} --nominal", 2, ""),
 ]
 
@@ -179,6 +188,8 @@ def desk(tmp_path_factory):
     write_poses(folder / "in.csv", [(1, 2, 3)])
     write_poses(folder / "nan.csv", [(1, 2, 3), (1, "nan", 3)])
     (folder / "two.csv").write_text("x_mm,y_mm\n1,2\n")
+    write_poses(folder / "far.csv", [(1e7, 2, 3)])
+    (folder / "paper.toml").write_text(f'{JOB.read_text()}\n[search]\nmethod = "paper"\n')
     return folder
 
 
