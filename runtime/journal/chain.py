@@ -78,6 +78,7 @@ class Journal:
         self.cut_bytes = 0  # length of the incomplete line that was cut off
         # The last run's header and the records of its last part, when the journal was opened.
         self.last_part: list[Entry] = []
+        self.common: dict[str, object] = {}  # further fields of every header
         self.stamp, self.uptime, self._segment_bytes = stamp, uptime, segment_bytes
         self._place = path  # path of the file being written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
@@ -130,6 +131,11 @@ class Journal:
         else:
             self.last_part.append(entry)
 
+    @property
+    def head(self) -> str:
+        """Digest of the last record."""
+        return self._end.head
+
     def now(self) -> dict[str, object]:
         """The fields `time`, `boot` and `up_s` that a record written now would have."""
         return {"time": self.stamp(), **self.uptime()}
@@ -145,7 +151,7 @@ class Journal:
             "table_sha256": hashlib.sha256(table).hexdigest(),
             "table_base64": base64.b64encode(table).decode("ascii"),
         }
-        self.record("header", {**fields, **embedded})
+        self.record("header", {**fields, **self.common, **embedded})
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Appends one record and writes it to the disk.
