@@ -18,6 +18,7 @@ from runtime.devices.lock import PortLock
 from runtime.errors import BrokenRunError
 from runtime.execution import carry, crash, dry_run, held, session
 from runtime.execution.executor import Cell
+from runtime.execution.hand import LEVEL_MM
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal import files
 from runtime.journal import installed as log
@@ -96,7 +97,9 @@ class _Asked:
         if begun is None or begun.part is None:
             holds = self._holds(devices, journal)
             if arguments.put_down and holds is None:
-                return self._say_put_down(None)
+                low_mm = devices.arm.pose()[2]
+                stands = f"; the arm stands {low_mm:.1f} mm high, where it was"
+                return self._say_put_down(None, stands if self._is_low(low_mm) else "")
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
         gripper, arm, scene = devices.gripper, devices.arm, devices.scene
@@ -270,11 +273,15 @@ class _Asked:
         auditor.check()
         return auditor
 
-    def _say_put_down(self, record: Mapping[str, object] | None) -> int:
+    def _is_low(self, arm_mm: float) -> bool:
+        """Whether an arm at this height is below the height at which it travels."""
+        return arm_mm < self.recipe.loaded.table.limits.retreat_height_um / 1000 - LEVEL_MM
+
+    def _say_put_down(self, record: Mapping[str, object] | None, stands: str = "") -> int:
         if self.arguments.json:
             say(json.dumps({"put_down": record}))
         elif record is None:
-            self.recipe.console.note("the fingers hold nothing; nothing was moved")
+            self.recipe.console.note(f"the fingers hold nothing; nothing was moved{stands}")
         else:
             self.recipe.console.note(
                 f"put down at ({record['x_mm']:.2f}, {record['y_mm']:.2f}) mm, {record['width_mm']:.2f} mm "
