@@ -53,11 +53,11 @@ def check(arguments: argparse.Namespace) -> server.Address:
         UsageError: the address is invalid, or other machines reach it although `--network` is missing; or an
             option is not allowed with `--plc` or with several tables.
     """
-    several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
-    excluded = EXCLUDED | dict.fromkeys(several, "needs the only table")
     for name, option in given(arguments).items():
-        if name in excluded:
-            raise UsageError(f"{option} {excluded[name]}; leave it out, or leave out --plc")
+        if name in EXCLUDED:
+            raise UsageError(f"{option} {EXCLUDED[name]}; leave it out, or leave out --plc")
+        if name in OF_ONE_TABLE and len(arguments.trees) > 1:
+            raise UsageError(f"{option} is for a single table; leave it out, or name one --tree")
     address = server.served(
         arguments.plc, "--plc", (MODBUS, OPC_UA), network=arguments.network, risk="trigger motions"
     )

@@ -126,7 +126,7 @@ class _Asked:
         """Answers a robot that squeezes parts itself, and records this as a run; returns the exit code."""
         from runtime.commands import serve  # with a server, which no other run has to load
         from runtime.execution.asked import AskedParts, check_asked
-        from runtime.monitoring.live.server import listening
+        from runtime.monitoring.live.server import Address, listening
 
         arguments, table, clock = self.arguments, self.recipe.loaded.table, SystemClock()
         check_asked(table)
@@ -134,7 +134,7 @@ class _Asked:
         monitor = self.stack.enter_context(self._monitor())
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal = self._look_back(clock)[0] or self._journal(clock)
-        place = f"{address.host}:{listener.getsockname()[1]}"
+        place = Address(address.host, listener.getsockname()[1])
         self.recipe.console.note(f"a robot may ask at tcp://{place}")
         self._begin(journal, None, monitor, (self.recipe,))
         with session.ending(journal) as tally:

@@ -45,6 +45,9 @@ def identity_in(place: Path) -> Identity:
     key_at, certificate_at = place / KEY, place / CERTIFICATE
     if not (key_at.exists() or certificate_at.exists()):
         _make(folder(place))
+    for half in (key_at, certificate_at):
+        if not half.exists():
+            raise _refused("only one half of an identity", half)
     data, mode = read_input(key_at, MOST_BYTES, str(key_at))
     if mode & OTHERS:
         raise InputError(f"may be read by others; chmod 600 {quoted(key_at)}", where=str(key_at))

@@ -85,10 +85,13 @@ def served(
         UsageError: the text is not such an address, or other machines reach it although `network` is false.
     """
     scheme, _, place = text.partition("://")
-    if scheme not in schemes or not place or urlsplit(f"//{place}").path:
+    address = None
+    with contextlib.suppress(UsageError):
+        address = parse(place, option) if scheme in schemes else None
+    if address is None:
         forms = " or ".join(f"{name}://{LOOPBACK}:PORT" for name in schemes)
-        raise UsageError(f"{option} {text}: write {forms}")
-    address = parse(place, option)
+        ports = f"the port from 1 to {MAX_PORT}, or 0 for a free one"
+        raise UsageError(f"{option} {text}: write {forms}, {ports}")
     if not (network or is_loopback(address.host)):
         raise UsageError(
             f"{option} {text}: there is no password, and whoever reaches that address may {risk}; "

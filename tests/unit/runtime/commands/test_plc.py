@@ -48,6 +48,8 @@ def _patient(monkeypatch):
         *((f"--plc {url}", "write modbus-tcp") for url in ("tcp://h:1", "modbus-rtu:///dev/ttyS0")),
         ("--plc opc.tcp://127.0.0.1:4840/cell", "write modbus-tcp"),
         ("--plc modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
+        ("--plc opc.tcp://127.0.0.1", "--plc opc.tcp://127.0.0.1: write modbus-tcp"),
+        ("--plc modbus-tcp://127.0.0.1:99999", "the port from 1 to 65535"),
         *((f"--plc modbus-tcp://127.0.0.1:{port}", "PORT") for port in ("99999", "port")),
         *((f"--plc modbus-tcp://{host}:5020", "--network") for host in ("192.0.2.1", "0.0.0.0")),
         ("--plc opc.tcp://192.0.2.1:4840", "--network"),
