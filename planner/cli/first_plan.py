@@ -104,7 +104,7 @@ def setting_of(arguments: Namespace, imported: Imported) -> Setting:
     height = imported.height_mm
     if height is None:
         taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
-    name = arguments.drawing.stem
+    name = drafts.name_of(arguments.drawing)
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
     return Setting(answers._replace(tips_mm=arguments.height_mm), taken, restrictions)
 

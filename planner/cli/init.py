@@ -8,7 +8,15 @@ from typing import TypeVar
 
 from planner.cli import shell
 from planner.errors import UnitsMissingError
-from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
+from planner.job.drafts import (
+    FINGERS,
+    GRIPPERS,
+    Answers,
+    draft,
+    name_of,
+    proposed_radius_mm,
+    room_mm,
+)
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
@@ -155,7 +163,7 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         raise UsageError(f"{flags} must be stated where there is no terminal to ask at")
     name = arguments.name
     if name is None:
-        stem = arguments.outline.stem
+        stem = name_of(arguments.outline)
         name = _ask(f"name of the part [{stem}]: ", lambda text: text or stem) if asking else stem
     gripper = arguments.gripper or _choice("gripper", GRIPPERS)
     fingers = arguments.fingers or _choice("fingers", FINGERS)

@@ -6,6 +6,7 @@ The values for grippers and finger materials are starting values, to be measured
 import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ FINGERS = {
 
 MOST_RADIUS_MM = 10.0  # largest radius that is proposed
 FITTING = 0.8  # proposed radius, as a share of `room_mm`
+LONGEST_NAME = 60  # characters of a name that nobody chose; faces add to it
 DECIMALS = 4  # Decimals of a vertex [mm]: 0.1 um, far below any tolerance of a drawing
 
 
@@ -59,6 +61,11 @@ class Answers(NamedTuple):
     tips_mm: float | None = None  # height of the finger tips above the table; None: the default
 
 
+def name_of(drawing: Path) -> str:
+    """The name of a part that nobody has named: that of its drawing, as far as a job can hold it."""
+    return cleaned(drawing.stem)[:LONGEST_NAME].strip() or "part"
+
+
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
     """Returns the text of a job file for an outline that was read from the file `source`.
 
@@ -73,7 +80,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
     text = templates.get_template("job.toml").render(
-        name=answers.name,
+        name=cleaned(answers.name),
         source=cleaned(source),
         order=imported.symmetry,
         height=thickness,

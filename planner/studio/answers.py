@@ -68,7 +68,7 @@ class Answers:
                 for name, pads in FINGERS.items()
             ],
         )
-        return Answer(text.encode(), "text/html; charset=utf-8", PAGE)
+        return Answer(text.encode(errors="replace"), "text/html; charset=utf-8", PAGE)
 
     def static(self, name: str) -> Answer:
         """A stylesheet or script of the studio, or `elements.js`, which the reports use, too."""

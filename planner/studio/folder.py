@@ -9,7 +9,7 @@ from planner.part.importers.file import SUFFIXES
 from runtime.shell.errors import UsageError
 from runtime.shell.files import bring_to_disk, read_regular
 
-LONGEST_NAME = 120  # characters; leaves room for suffixes
+LONGEST_NAME, LONGEST_BYTES = 120, 200  # characters, bytes; they leave room for suffixes
 
 
 class File(NamedTuple):
@@ -87,5 +87,9 @@ def checked(name: str) -> str:
     if not printable or "/" in name or "\\" in name or not name or name.startswith("."):
         raise UsageError(f"{name!r}: is no name of a file here; no slashes, no dot in front")
     if len(name) > LONGEST_NAME:
-        raise UsageError(f"{name[:LONGEST_NAME]}...: is longer than {LONGEST_NAME} characters")
+        raise UsageError(
+            f"{name[:LONGEST_NAME]}...: is longer than {LONGEST_NAME} characters; rename it"
+        )
+    if len(os.fsencode(name)) > LONGEST_BYTES:
+        raise UsageError(f"{name}: is longer than {LONGEST_BYTES} bytes; rename it")
     return name

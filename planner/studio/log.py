@@ -1,10 +1,10 @@
 """The log of a plan: lines of JSON, with messages of commands in between."""
 
-import json
 import math
 from typing import Any, NamedTuple
 
 from planner.evaluation.shares import in_percent, shares_of
+from runtime.shell import strict_json
 
 KERNELS = "kernels"  # the stage that compiles kernels, once an installation
 MOST_LINES = 40
@@ -33,7 +33,7 @@ def log_of(data: bytes) -> Log:
     log, squeezes = Log("", [], "", {}, None, [], [], [], None), list[dict[str, Any]]()
     for line in data.decode("utf-8", "replace").splitlines():
         try:
-            record = json.loads(line)
+            record = strict_json.parse(line)
             if "squeezed" in record:
                 squeezed = dict(record["squeezed"])
                 if squeezes and squeezes[-1]["before"] == squeezed["before"]:
@@ -41,7 +41,7 @@ def log_of(data: bytes) -> Log:
                 squeezes.append(squeezed)
             else:
                 log = _with(log, record, squeezes)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             if line.strip():
                 log.lines.append(line.strip())
     return log._replace(lines=log.lines[-MOST_LINES:])

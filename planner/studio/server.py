@@ -9,7 +9,7 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
 from typing import Any
-from urllib.parse import parse_qs, quote, unquote, urlsplit
+from urllib.parse import SplitResult, parse_qs, quote, unquote, urlsplit
 
 from planner.part.importers.pieces import MAX_BYTES
 from planner.studio.answers import Answer, Answers, refused
@@ -21,6 +21,7 @@ LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
 PATIENCE_S = 30.0  # longest silence of a client
 MOST_SETTINGS_BYTES = 16 << 10
+MOST_DIGITS = 12  # of the length of a request
 STATIC = ("/studio.css", "/elements.js", "/studio.js", "/drawing.js", "/film.js")
 
 
@@ -57,7 +58,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answers with a page, the folder's state or a file."""
-        url, studio = urlsplit(self.path), self.server.answers
+        url, studio = self._url(), self.server.answers
         pages: dict[str, Callable[[], Answer]] = {"/": studio.page, "/folder.json": studio.state}
         if url.path in pages:
             self._answer(pages[url.path])
@@ -72,7 +73,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """Performs an action for the page."""
-        url, studio = urlsplit(self.path), self.server.answers
+        url, studio = self._url(), self.server.answers
         actions = {
             "/drawings": (studio.add, MAX_BYTES),
             "/preview": (studio.preview, MOST_SETTINGS_BYTES),
@@ -85,12 +86,19 @@ class Handler(BaseHTTPRequestHandler):
             return self._answer(lambda: refused(404, "there is no such action"))
         action, most = actions[url.path]
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > most:
+        if not length.isdecimal() or len(length) > MOST_DIGITS or int(length) > most:
             return self._answer(lambda: refused(413, f"is larger than {most >> 10} KB"))
         body = self.rfile.read(int(length))
         if len(body) < int(length):
             return self._answer(lambda: refused(400, "the request was cut off; try again"))
         return self._answer(lambda: action(_first(url.query), body))
+
+    def _url(self) -> SplitResult:
+        """The address that the browser asks for; an empty one if it is none."""
+        try:
+            return urlsplit(self.path)
+        except ValueError:
+            return urlsplit("")
 
     def _answer(self, work: Callable[[], Answer]) -> None:
         if self.headers.get("Host") not in [f"{name}:{self.server.server_port}" for name in NAMES]:

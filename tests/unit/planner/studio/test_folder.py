@@ -12,7 +12,22 @@ def folder(plate):
 
 
 @pytest.mark.parametrize(
-    "name", ["", ".", "..", ".hidden", "a/b", "../a", "a\\b", "a\nb", "a\0b", "x" * 121, None, 7]
+    "name",
+    [
+        "",
+        ".",
+        "..",
+        ".hidden",
+        "a/b",
+        "../a",
+        "a\\b",
+        "a\nb",
+        "a\0b",
+        "x" * 121,
+        "\u4e09" * 78,
+        None,
+        7,
+    ],
 )
 def test_checked_invalid_name_is_refused(name):
     with pytest.raises(UsageError):

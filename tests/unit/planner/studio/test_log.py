@@ -60,6 +60,9 @@ def test_log_of_messages_are_kept_only_where_a_command_failed():
         "[1, 2]",
         "\x00",
         '{"exit": "x"}',
+        '{"exit": 1e999}',
+        '{"exit": NaN}',
+        f'{{"stage": "s", "share": 0.5, "left": "", "detail": "", "seconds": 1{"0" * 400}}}',
         "[" * 100_000,
         '{"stage": "s", "share": "x", "seconds": []}',
     ],
@@ -67,7 +70,7 @@ def test_log_of_messages_are_kept_only_where_a_command_failed():
 def test_log_of_malformed_line_keeps_the_other_lines(line):
     log = read(STEP, line, progressed("search", 0.5))
     assert log.progress["share"] == 0.5
-    json.dumps(log._asdict())
+    json.dumps(log._asdict(), allow_nan=False)
 
 
 def test_log_of_part_has_the_squeezes_before_its_outcome_once():

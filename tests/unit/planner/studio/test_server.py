@@ -105,10 +105,16 @@ def test_post_drawing_is_stored_and_a_path_as_its_name_is_refused(studio):
     assert (response.status, "no slashes" in json.loads(data)["error"]) == (400, True)
 
 
-@pytest.mark.parametrize("length", ["99999999999", "-1", "x", ""])
+@pytest.mark.parametrize("length", ["99999999999", "9" * 5000, "-1", "x", ""])
 def test_post_of_invalid_or_huge_length_is_refused(studio, length):
     response, _ = call(studio, "POST", "/drawings?name=a.csv", b"", **{"Content-Length": length})
     assert response.status == 413
+
+
+def test_get_of_an_address_that_is_none_is_answered(studio, capsys):
+    response, _ = call(studio, "GET", "http://[")
+    assert response.status == 404
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b'{"output": "x"}', b"\xff", b"[" * 10_000])
