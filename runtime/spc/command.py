@@ -101,7 +101,7 @@ def _lines(summary: Summary) -> Iterator[str]:
     if summary.refit:
         yield f"advice    {REFIT}"
     for alarm in summary.alarms:
-        yield f"ALARM     part {alarm.number}: {alarm.sentence}"
+        yield f"ALARM     part {alarm.place + 1}: {alarm.sentence}"
     if not summary.alarms:
         yield "charts    in control"
 

@@ -33,7 +33,7 @@ class Alarm(NamedTuple):
     """An alarm that a control chart raised when a part was added."""
 
     place: int  # index of the part in the history
-    number: int  # number of the part in its run
+    number: int  # number of the part in its run; reports count all parts, from place 0
     chart: str  # name of the chart
     sentence: str  # what has changed, and what to do
 

@@ -48,7 +48,7 @@ def _verdict(summary: Summary) -> Iterator[str]:
     if summary.alarms:
         first = {alarm.chart: alarm for alarm in reversed(summary.alarms)}
         for alarm in sorted(first.values()):
-            yield frame.verdict("poor", f"{alarm.sentence}.", f"From part {alarm.number} on:")
+            yield frame.verdict("poor", f"{alarm.sentence}.", f"From part {alarm.place + 1} on:")
         yield f'<p class="note">{len(summary.alarms)} alarms in all; of each chart the first.</p>'
     elif not summary.judged:
         audits = ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
