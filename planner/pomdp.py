@@ -1,9 +1,10 @@
 """The planner's problem as a generative POMDP on arrays, for external solvers.
 
 A state (4,) is the part's pose and the opening of the jaws: x, y [mm] and theta [rad] in the world, width
-[mm]. An action (4,) is a pose and its use: x, y, theta, and 0 to squeeze with the hand placed there or 1 to
-declare that the part lies there. An observation is a reading of the encoder, in steps of closing. A belief
-is an array of n equally likely states (n, 4).
+[mm] as the encoder measures it without noise. Constant errors of the cell are at the middle of their
+intervals in the job's section [doubt]. An action (4,) is a pose and its use: x, y, theta, and 0 to squeeze
+with the hand placed there or 1 to declare that the part lies there. An observation is a reading of the
+encoder, in steps of closing. A belief is an array of n equally likely states (n, 4).
 
     model = Pomdp.of_job(job)
     belief = model.initial(2000, rng)
@@ -20,14 +21,17 @@ from scipy.special import ndtr
 
 from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.doubts import stated
 from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.stopping import FAILURE
+from planner.belief.transition import read_as
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
+from planner.mechanics.traits import ordinary
 from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from 0.5 on it is declared
@@ -108,10 +112,17 @@ class Pomdp:
         right = self.metric.reached(states[:, :3], actions[:, :3])
         rewards = np.where(ended, self.success * right, -1.0)
         rows = np.flatnonzero(~ended)
-        hand = actions[rows, :3].T
-        parameters = self.simulator.sample(len(rows), rng)
-        rolled = self.simulator.roll_out(to_hand(states[rows, :3], hand), parameters)
-        states[rows, :3], states[rows, 3] = to_world(rolled.poses, hand), rolled.width_mm
+        hand, traits = actions[rows, :3].T, stated(self.job, len(rows))
+        parameters = self.simulator.sample(
+            len(rows), rng, None if ordinary(traits).all() else traits
+        )
+        felt = to_hand(states[rows, :3], hand)
+        felt[:, 1] -= traits["across_mm"]  # where the fingers meet
+        rolled = self.simulator.roll_out(felt, parameters)
+        rolled.poses[:, 1] += traits["across_mm"]
+        seen_mm = np.maximum(read_as(rolled.width_mm, traits), 0.0)
+        states[rows, :3] = to_world(rolled.poses, hand)
+        states[rows, 3] = np.where(rolled.width_mm > 0.0, seen_mm, 0.0)
         # Fingers that stand on the part do not close at all.
         ended[rows] = (rolled.status == JAMMED) & (rolled.width_mm >= self.encoder.opening_mm)
         return Sampled(states, self.encoder.read(states[:, 3], rng), rewards, ended)

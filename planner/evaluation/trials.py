@@ -328,4 +328,7 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
                 x, y, theta = hand[k].tolist()
                 final[k], width_mm[k], status = part_world.squeeze((x, y, theta))
                 held[k] = status in HOLDING
+        if not (np.isfinite(final[rows]).all() and np.isfinite(width_mm[rows]).all()):
+            named = type(part_world).__name__
+            raise UsageError(f"the world {named} gives a pose or width that is no finite number")
     return final, width_mm, held

@@ -19,6 +19,7 @@ from runtime.shell.errors import InputError
 
 SCALE_MM = 2.0  # residual above which residuals count linearly, not squared
 LEAST_PUSHES = 6
+STILL_MM = 0.01  # motion up to which a part has not been pushed
 FRICTION = (0.01, 1.5)  # bounds on the friction coefficient of the tip
 STEP = 1e-2  # relative step of finite differences: a push is smooth except where contacts change
 
@@ -47,11 +48,13 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
         friction: initial guess of the friction coefficient of the tip.
 
     Raises:
-        InputError: there are fewer than `LEAST_PUSHES` pushes; each unknown needs one.
+        InputError: fewer than `LEAST_PUSHES` pushes move the part; each unknown needs one.
     """
     n, rho = len(motions.moved), part.surface.rho_mm
-    if n < LEAST_PUSHES:
-        raise InputError(f"{n} pushes to fit to; give at least {LEAST_PUSHES}", key="pushes")
+    moving = int((np.abs(motions.moved * [1.0, 1.0, rho]).max(axis=1) > STILL_MM).sum())
+    if moving < LEAST_PUSHES:
+        problem = f"{moving} of {n} pushes move the part"
+        raise InputError(f"{problem}; give at least {LEAST_PUSHES} that do", key="pushes")
 
     def residuals(unknown: Array) -> Array:
         values = unknown - 1.0

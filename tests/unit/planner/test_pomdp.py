@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from planner.evaluation.trials import Program
-from planner.frames import to_hand
+from planner.frames import to_hand, to_world
 from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.pomdp import DECLARE, Pomdp
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp
+from planner.world import ContactWorld
 from runtime import table as tables
 
 EVERY_READING = np.arange(228)
@@ -30,6 +31,25 @@ def test_likelihood_equals_the_frequency_of_simulated_readings(model):
         read = np.bincount(counts, minlength=228) / n
         assert said.sum() == pytest.approx(1.0, abs=1e-12)
         assert np.abs(read - said).max() < 5.0 * 0.5 / np.sqrt(n)
+
+
+def test_sample_cell_with_stated_errors_equals_the_contact_world(model):
+    """Fingers that meet at y = 3 mm, and an encoder that reads 1 mm too much, as in the job's world."""
+    doubt = {"middle_mm": [2.0, 4.0], "encoder_mm": [0.9, 1.1]}
+    off = Pomdp.of_job(model.job.replaced(doubt=doubt))
+    states, rng = np.tile([2.0, 3.0, 0.4, 85.0], (400, 1)), np.random.default_rng(3)
+    action = np.array([0.0, 0.0, 0.3, SQUEEZE])
+    drawn = off.sample(states, action, rng).states
+    world = ContactWorld(off.job, 4)
+    hand = to_hand(states[:1, :3], action[:3])[0]
+    squeezed = [world.squeeze(tuple(hand.tolist()))[:2] for _ in range(400)]
+    poses = to_world(np.array([pose for pose, _ in squeezed]), action[:3])
+    widths = np.array([width for _, width in squeezed])
+    spread = np.array([*poses.std(axis=0), widths.std()]) + 1e-3
+    apart = drawn.mean(axis=0) - [*poses.mean(axis=0), widths.mean()]
+    assert np.all(np.abs(apart) < 5.0 * spread * np.sqrt(2.0 / 400))
+    plain = model.sample(states, action, rng).states
+    assert abs(drawn[:, 3].mean() - plain[:, 3].mean()) > 0.5
 
 
 def test_sample_finger_above_the_part_ends_the_episode(model):

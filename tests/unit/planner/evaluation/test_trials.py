@@ -18,6 +18,7 @@ from planner.evaluation.times import seconds_of
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
+from runtime.shell.errors import UsageError
 from runtime.table import (
     HELD_UM,
     REJECT,
@@ -169,3 +170,15 @@ def test_evaluate_part_under_a_finger_crashes_without_a_squeeze(job):
     assert np.all(np.sum(ended, axis=0) == 1)
     assert run.crashes == run.summary()["crashes"] >= stopped.sum()
     assert len(world.seen) == run.squeezes.sum()
+
+
+def test_evaluate_world_without_a_number_is_refused_by_name(job):
+    class Blind(Wrung):
+        """A world whose widths are unknown."""
+
+        def squeeze(self, pose):
+            after, _, status = super().squeeze(pose)
+            return after, float("nan"), status
+
+    with pytest.raises(UsageError, match="the world Blind gives a pose or width"):
+        evaluate(spread_table(), job, Blind(), 20, seed=5)

@@ -8,6 +8,7 @@ from programs import called, document
 from planner.cli.identify import main
 from planner.identification import motions
 from planner.mechanics.push import Paths
+from runtime.shell.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -50,6 +51,13 @@ def test_fit_outliers_among_motions_change_friction_little():
     spoiled.moved[::12] += [9.0, -9.0, 0.5]
     fitted = motions.fit(spoiled, simulator(rectangle()), TIP_MM)
     assert fitted.friction == pytest.approx(MU, abs=0.1)
+
+
+def test_fit_pushes_that_move_nothing_say_nothing():
+    seen = known(12, 0.0)
+    seen.moved[5:] = 0.0
+    with pytest.raises(InputError, match="5 of 12 pushes move the part"):
+        motions.fit(seen, simulator(rectangle()), TIP_MM)
 
 
 HEADER = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm,moved_x_mm,moved_y_mm,turned_deg"
