@@ -109,8 +109,7 @@ def _shapes(text: str) -> list[Expression]:
     except InputError:  # the time limit
         raise
     except Exception as error:  # the parser asserts, recurses and looks up attributes
-        problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
-        raise InputError(problem) from error
+        raise InputError("is a damaged KiCad footprint, or several; export one anew") from error
     return [part for part in Expression("", footprint).children() if part.layers()]
 
 

@@ -58,7 +58,8 @@ def _cells(line: str) -> list[str]:
 
 def _vertex(cells: list[str], line: int) -> tuple[float, float]:
     try:
-        x, y = map(float, cells[:2]) if len(cells) == 2 else (math.nan, math.nan)
+        plain = len(cells) == 2 and not any("_" in cell for cell in cells)  # 1_0 is 10 for Python
+        x, y = map(float, cells) if plain else (math.nan, math.nan)
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):

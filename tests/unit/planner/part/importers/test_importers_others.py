@@ -33,6 +33,7 @@ BAD_CSV = {
     "two units": (b"x_mm,y_in\n0,0\n30,0\n30,21\n", None, InputError, "different units"),
     "y first": (b"y_mm,x_mm\n0,0\n30,0\n30,21\n", "mm", InputError, "line 1"),
     "not a number": (b"0,0\n1,nan\n", "mm", InputError, "line 2"),
+    "digits of Python": (b"0,0\n3_0,0\n", "mm", InputError, "line 2"),
     "nothing": (b"", "mm", InputError, "no closed contour"),
     "back and forth": (b"0,0\n10,0\n" * 2000, "mm", InputError, "one line|no closed|itself"),
     "too long": (b"0,0\n" * 200_000, "mm", InputError, "200000 lines"),
