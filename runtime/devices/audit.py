@@ -29,7 +29,8 @@ from runtime.shell.errors import UsageError
 from runtime.shell.plain_text import is_plain
 from runtime.table import Pose2
 
-VERDICTS = ("pass", "fail")
+REFUTED = "fail"
+VERDICTS = ("pass", REFUTED)
 UNKNOWN = "unknown"
 ANSWER_S = 10.0
 START_S = 60.0  # time to load OpenCV, perhaps on a busy machine

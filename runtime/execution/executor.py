@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from drivers.ports import Arm, Gripper, Scene
-from runtime.devices.audit import AuditProcess
+from runtime.devices.audit import REFUTED, AuditProcess
 from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
@@ -271,7 +271,7 @@ class Executor:
     def _finish(self, result: PartResult) -> PartResult:
         """Audits and delivers a part that ended at a leaf; returns the result with verdict and delivery.
 
-        The result of any other part is returned unchanged.
+        A part that the audit refutes is not delivered. The result of any other part is returned unchanged.
         """
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
@@ -284,7 +284,12 @@ class Executor:
             self._cell.journal.record("audit", {**answer, "part": result.part})
         places = self._options.delivery
         delivery = None if places is None else places.of(leaf.hypothesis)
-        if delivery is not None:
+        if delivery is not None and result.audit == REFUTED:
+            # The fingers would close beside the part, or on it.
+            result = result.delivered("the audit refutes the pose")
+            refused = {"part": result.part, "begun": False, "missed": result.reason}
+            self._cell.journal.record("delivery", refused)
+        elif delivery is not None:
             self._console.phase(result.part, Phase.DELIVER, None)
             # Includes the pose, which is the answer even if the delivery fails.
             pose = {"x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}

@@ -54,6 +54,17 @@ def test_executor_delivery_grips_part_at_leaf_and_puts_it_down():
     assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
 
 
+@pytest.mark.parametrize(("verdict", "delivery"), [("fail", "missed"), ("unknown", "done")])
+def test_executor_delivery_of_part_that_the_audit_refutes_moves_nothing(verdict, delivery):
+    rig = fake_cell([AT_21, AT_21])
+    cell = replace(rig.cell, auditor=Judge(verdict))
+    result = Executor(small_table(), cell, Deaf(), RunOptions(delivery=DELIVERY)).run_part(7)
+    assert (result.outcome, result.audit, result.delivery) == (Outcome.LEAF, verdict, delivery)
+    assert result.exit_code == (10 if verdict == "fail" else 0)
+    placed = (40.0, -20.0) in [target[:2] for target in arm_moves(rig)]
+    assert placed == (verdict != "fail")
+
+
 def test_executor_seconds_of_part_include_its_delivery():
     rig = fake_cell([AT_21, AT_21])
     move = rig.arm.move_linear
