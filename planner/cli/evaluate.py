@@ -127,7 +127,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
 
         tried = list(foreign.tried(table, real, evaluation, others, evaluated))
     outcome, confused = leaves.reliability(table, evaluation), leaves.confusions(table, evaluation)
-    known = leaves.identities(table, evaluation) if table.hypotheses else None
+    named = bool(table.hypotheses) and table.goal.identify
+    known = leaves.identities(table, evaluation) if named else None
     mistakes = leaves.worst(table, evaluation, arguments.worst)
     worst = believed and {"world": believed.case.name, **believed.evaluation.summary()}
     figures = {

@@ -23,6 +23,7 @@ LEAST_BLOCKS = 3
 LOOSE_UM = 9_400  # how far the jaws open beyond the block between two grips
 # Number of intervals of a calibration from 0 to the stroke, and of further ones beyond either end.
 POINTS, BEYOND = 64, 8
+OTHER = 0.02  # difference of two strokes, as a share, from which they are of two models
 
 
 class Gauge(NamedTuple):
@@ -57,7 +58,18 @@ class GripperCalibration:
     middle: Middle | None = None  # where the fingers meet, if measured
 
     def of(self, profile: GripperProfile) -> Calibration:
-        """Builds the map from nominal to true widths, for a gripper with this profile."""
+        """Builds the map from nominal to true widths, for a gripper with this profile.
+
+        Raises:
+            InputError: the calibrated jaws open by more or less than those of the profile's model.
+        """
+        preset = PROFILES.get(profile.model)
+        stroke_um = self.points_um[-1][0] * POINTS / (POINTS + BEYOND)
+        if preset is not None and abs(stroke_um - preset.stroke_um) > OTHER * preset.stroke_um:
+            opens = f"opens {stroke_um / 1000:.3g} mm, a {profile.model} {preset.stroke_um / 1000:.3g} mm"
+            raise InputError(
+                f"the gripper of the calibration ({self.gripper}) {opens}; name its own"
+            )
         return Calibration(profile, self.points_um)
 
 

@@ -63,6 +63,14 @@ def test_fit_passes_through_the_blocks_and_never_falls():
     assert table.width_um(-9_000) == 0
 
 
+def test_calibration_of_jaws_with_another_stroke_is_refused():
+    wide = fit(gauges(), PROFILES["robotiq-2f-140"], "S/N 2", "today")
+    with pytest.raises(InputError, match=r"S/N 2.* opens 140 mm, a robotiq-2f-85 85 mm"):
+        wide.of(PROFILES["robotiq-2f-85"])
+    narrowed = replace(PROFILES["robotiq-2f-85"], stroke_um=50_000)  # a job may open the jaws less
+    assert fitted_to(gauges()).of(narrowed).points_um
+
+
 def test_fit_of_seven_blocks_is_within_half_a_millimetre():
     fitted, linear = fitted_to(gauges()), Calibration(PROFILE)
     table, widths = fitted.of(PROFILE), [w / 4 for w in range(4, 330)]
