@@ -126,7 +126,11 @@ def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -
     rows = (VECTOR, *vectors(file.table))
     texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
     texts |= {name.replace(PREFIX, prefix): _text(name, file, prefix) for name in FORMS[form]}
-    new = [place for place in (path, *path.parents) if not place.exists()]
+    try:
+        new = [place for place in (path, *path.parents) if not place.exists()]
+    except OSError as error:  # a name that is too long
+        problem = f"cannot be created: {error.strerror}; name another folder"
+        raise OutputError(f"{path} {problem}") from error
     folder(path)
     try:
         empty = not any(path.iterdir())

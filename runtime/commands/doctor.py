@@ -60,6 +60,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     Raises:
         CheckFailedError: at least one finding is bad.
     """
+    if arguments.tree is not None and arguments.gripper is not None:
+        raise UsageError("--gripper is for a check without a table; leave it out, or --tree")
     table = None if arguments.tree is None else load(arguments.tree).table
     profile = _profile(arguments, table)
     path = arguments.calibration

@@ -97,6 +97,8 @@ def _key(arguments: argparse.Namespace) -> int:
 
 def _pack(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
+    if output.suffix != ".zip":
+        raise OutputError(f"{output}: a cell looks for packs in files that end in .zip; name it so")
     if output.exists():
         raise OutputError(f"{output} exists, and a pack is never overwritten; name another file")
     table, path = load(arguments.tree), arguments.calibration

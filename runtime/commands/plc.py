@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
 from math import inf
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ from runtime.plc.panel import Configuration, Offer, Panel
 from runtime.plc.server import PlcServer
 from runtime.plc.station import FAULT, Answer, Order, Station
 from runtime.shell import interrupts
-from runtime.shell.errors import UsageError, exit_code_of
+from runtime.shell.errors import ExpectedError, UsageError, exit_code_of
 from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import Outcome, PartResult
 
@@ -107,6 +107,7 @@ class PlcRun:
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
         self._clock, self._url, self._count = server.clock, url, self.recipes[0].options.count
         self._parts = 0
+        self._noted: Order | None = None  # the order whose trigger was recorded last
         self._stopped = False  # whether a stop request ended a part
 
     def run(self, cell: Cell) -> int:
@@ -128,7 +129,7 @@ class PlcRun:
     def _run(self, cell: Cell, stack: ExitStack) -> int:
         journal, number = cell.journal, 0
         try:
-            with session.ending(journal) as tally:
+            with session.ending(journal) as tally, self._noting(journal):
                 with interrupts.stoppable():
                     stack.enter_context(self._server)
                 self.monitor.note(f"a PLC may connect at {self._url}")
@@ -177,7 +178,7 @@ class PlcRun:
             self._parts += 1
             if self._parts == self._count:
                 self._exchange.end()
-            _note_trigger(journal, order, self._parts)
+            self._note(journal, order, self._parts)
             yield self._parts
 
     def _ended_withdrawn(self, journal: Journal) -> bool:
@@ -191,9 +192,37 @@ class PlcRun:
         seen = self._exchange.glance
         if seen.order is None or not seen.withdrawn:
             return False
-        _note_trigger(journal, seen.order, None)
+        self._note_unbegun(journal)
         self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
         return True
+
+    @contextmanager
+    def _noting(self, journal: Journal) -> Iterator[None]:
+        """Context of a run: if it ends by an error, a trigger whose part has not begun is recorded, too."""
+        try:
+            yield
+        except BaseException:
+            with suppress(ExpectedError):  # the error that ends the run counts
+                self._note_unbegun(journal)
+            raise
+
+    def _note_unbegun(self, journal: Journal) -> None:
+        """Records the accepted trigger of a part that ends before it has begun, if there is one."""
+        order = self._exchange.glance.order
+        if order is not None and order is not self._noted:
+            self._note(journal, order, None)
+
+    def _note(self, journal: Journal, order: Order, part: int | None) -> None:
+        """Records an accepted trigger of the PLC.
+
+        Args:
+            journal: the journal.
+            order: what the trigger requests.
+            part: number of the part; None if no part runs, since enabling or the run has ended.
+        """
+        self._noted = order
+        fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
+        journal.record("trigger", fields)
 
     def _await_taken(self) -> None:
         """Refuses further triggers, and waits until the PLC has taken the last result.
@@ -227,18 +256,6 @@ class PlcRun:
             self._exchange.wait(min(seconds, WAKE_S))
         self._server.check()
         notify("WATCHDOG=1")
-
-
-def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
-    """Records an accepted trigger of a PLC in the journal.
-
-    Args:
-        journal: the journal.
-        order: what the trigger requests.
-        part: number of the part; None if no part runs, since enabling has ended.
-    """
-    fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
-    journal.record("trigger", fields)
 
 
 def opened(

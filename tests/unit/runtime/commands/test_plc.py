@@ -278,6 +278,32 @@ def test_plc_run_stop_between_parts_ends_run(tmp_path, tree):
     assert (end["kind"], end["parts"], end["exit_code"]) == ("end", 1, 40)
 
 
+def test_plc_run_stop_before_triggered_part_begins_records_its_trigger(tmp_path, tree):
+    rig, struck = fake_cell([AT_21]), threading.Event()
+    rig.gripper.now = State(activated=False)
+    sweep = rig.gripper.activate
+
+    def slow_sweep():
+        struck.wait(30)
+        sweep()
+
+    def program(client):
+        client.enable()
+        client.begin(9)
+        os.kill(os.getpid(), signal.SIGTERM)
+        struck.set()
+        result = client.result(9)
+        assert (result["outcome"], result["exit_code"]) == (4, 40)
+
+    rig.gripper.activate = slow_sweep
+    running = Running(tmp_path, rig, tree)
+    with pytest.raises(KeyboardInterrupt):
+        running.run(program)
+    *_, trigger, end = running.kept()
+    assert (trigger["kind"], trigger["trigger_id"], trigger["part"]) == ("trigger", 9, None)
+    assert end["kind"] == "end"
+
+
 def test_plc_run_stop_ends_wait_for_acknowledge(tmp_path, tree):
     def program(client):
         client.enable()
