@@ -148,6 +148,17 @@ def test_judge_above_memory_limit_restarts_between_two_answers(files, tmp_path):
         assert audit.ask()["verdict"] == "pass"
 
 
+def test_judge_after_a_restart_takes_no_picture_twice(files, tmp_path):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), RIG.seen(Look(POSE), np.random.default_rng(1)))
+    with Judge("--memory-mb", "1", folder=tmp_path, **{**files, "camera": folder}) as audit:
+        assert audit.ask()["verdict"] == "pass"
+        answers = []
+        until(lambda: answers.append(audit.ask()) or len(answers) == 2, "two answers")
+    assert {answer["verdict"] for answer in answers} == {"unknown"}
+
+
 def test_limit_memory_larger_allocation_raises_memory_error():
     script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
     assert "MemoryError" in ended([sys.executable, "-c", script]).err

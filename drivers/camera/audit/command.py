@@ -14,7 +14,7 @@ from drivers.camera.audit.auditor import Auditor
 from drivers.camera.calibration import drift
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
-from drivers.camera.vision.sources import open_source
+from drivers.camera.vision.sources import Folder, Source, open_source
 from runtime.shell.command import Parser, add_command, positive, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder
@@ -62,6 +62,9 @@ def parser() -> Parser:
     growth = "memory that the process may gain before it restarts (default: %(default)s)"
     add("--deadline", type=positive, default=5.0, metavar="S", help=answer)
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help=growth)
+    add(
+        "--after", default="", help=argparse.SUPPRESS
+    )  # after a restart: the last picture of a folder
     command.add_debug()
     reports = "success, residuals and control charts from journals"
     commands.add_parser("report", help=reports, add_help=False)
@@ -87,11 +90,14 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)
-    worker = service.Worker(lambda: make(options), options.deadline)
+    sources = list[Source]()
+    worker = service.Worker(lambda: make(options, sources), options.deadline)
     lines = service.Lines(sys.stdin.fileno())
     judged_by = digest_of(options.tree)
     if service.serve(lines, worker, partial(os.write, 1), full, judged_by):
         again = [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
+        for source in sources:  # no picture is judged twice
+            again += [f"--after={source.last}"] if isinstance(source, Folder) else []
         os.execv(sys.executable, again)
     if worker.why_not is not None:
         raise worker.why_not
@@ -116,13 +122,17 @@ def digest_of(tree: Path) -> str | None:
         return None
 
 
-def make(options: argparse.Namespace) -> Auditor:
-    """Creates the auditor that a command line describes; raises the errors of `read` and `open_source`."""
+def make(options: argparse.Namespace, sources: list[Source]) -> Auditor:
+    """Creates the auditor that a command line describes, and adds its source of pictures to `sources`.
+
+    Raises the errors of `read` and `open_source`.
+    """
     if options.pictures is not None:
         folder(options.pictures, Path(options.camera))
     known, about = read(options)
     lens = known.view.lens
-    source = open_source(options.camera, (lens.width, lens.height))
+    source = open_source(options.camera, (lens.width, lens.height), options.after)
+    sources.append(source)
     return Auditor(source, known, about, options.moved_mm, options.pictures)
 
 

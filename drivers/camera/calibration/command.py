@@ -19,18 +19,29 @@ from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.shell.command import Parser, add_command, run, say, say_result
+from runtime.shell.command import (
+    Parser,
+    add_command,
+    named_path,
+    natural,
+    number,
+    positive,
+    positive_int,
+    run,
+    say,
+    say_result,
+)
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder, usable, write, writing
 
 PICTURE_S = 10.0
 Run = Callable[[argparse.Namespace], None]
-FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
+FILE: dict[str, Any] = {"type": named_path, "metavar": "F"}
 DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
-CSV: dict[str, Any] = {"type": Path, "metavar": "CSV"}
-ID: dict[str, Any] = {"type": int, "metavar": "ID"}
-MM: dict[str, Any] = {"type": float, "metavar": "MM"}
+CSV: dict[str, Any] = {"type": named_path, "metavar": "CSV"}
+MM: dict[str, Any] = {"type": number, "metavar": "MM"}
+MOST_ID = 586  # last tag of the family 36h11
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.DEVICE, ExitCode.UNREACHABLE)
 EPILOG = f"""\
 example:
@@ -74,7 +85,7 @@ def parser() -> Parser:
     add("--board-height", **MM, default=0.0, help=text)
     add("--touched", **CSV, help="places of a tag that the arm knows, with pictures")
     text = "id of the tag in the pictures of --touched, not a reference tag"
-    add("--number", **ID, default=0, help=text)
+    add("--number", type=_tag_id, metavar="ID", default=0, help=text)
     add("--references", **FILE, help="a picture of the tags that stay where they are")
     text = "the calibration; a picture of its residuals is written beside it"
     add("-o", "--output", required=True, **FILE, help=text)
@@ -82,8 +93,14 @@ def parser() -> Parser:
     example = "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json"
     add = add_to("tag", run_tag, "where a tag is on its part", example)
     add("--part", required=True, help="name of the part")
-    add("--number", required=True, **ID, help="id of the part's tag, family 36h11")
-    add("--side", required=True, **MM, help="edge of the tag's black border")
+    add(
+        "--number",
+        required=True,
+        type=_tag_id,
+        metavar="ID",
+        help="id of the part's tag, family 36h11",
+    )
+    add("--side", required=True, type=positive, metavar="MM", help="edge of the tag's black border")
     text = "height of the tag's face above the table (default: 0)"
     add("--height", **MM, default=0.0, help=text)
     text = "pose of the tag on the part, if it is known: mm, mm, rad"
@@ -97,8 +114,10 @@ def parser() -> Parser:
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
     text = "size of the pictures of a /dev/video camera (default: 1920x1080)"
     add("--size", type=_size, default=(1920, 1080), metavar="WxH", help=text)
-    add("--count", type=int, default=20, metavar="N", help="number of pictures (default: 20)")
-    add("--stem", default="view", help="beginning of the pictures' names (default: view)")
+    text = "number of pictures (default: 20)"
+    add("--count", type=positive_int, default=20, metavar="N", help=text)
+    text = "beginning of the pictures' names (default: view)"
+    add("--stem", type=_stem, default="view", help=text)
     add("-o", "--output", required=True, **DIR, help="the folder")
     return built
 
@@ -229,13 +248,32 @@ def _ask_beside(sentence: str) -> None:
 
 
 def _pose(text: str) -> Pose2:
-    x_mm, y_mm, theta_rad = map(float, text.split(","))
+    try:
+        x_mm, y_mm, theta_rad = map(number, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: write X,Y,THETA in mm, mm, rad") from None
     return (x_mm, y_mm, theta_rad)
 
 
 def _size(text: str) -> tuple[int, int]:
-    width, height = map(int, text.split("x"))
+    try:
+        width, height = map(positive_int, text.split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: write WxH in pixels") from None
     return (width, height)
+
+
+def _tag_id(text: str) -> int:
+    value = natural(text)
+    if value > MOST_ID:
+        raise argparse.ArgumentTypeError(f"{text!r} is no tag of the family 36h11, 0 to {MOST_ID}")
+    return value
+
+
+def _stem(text: str) -> str:
+    if Path(text).name != text or not text.isprintable():
+        raise argparse.ArgumentTypeError(f"{text!r} is no beginning of a file's name")
+    return text
 
 
 if __name__ == "__main__":

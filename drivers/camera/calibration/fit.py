@@ -1,6 +1,7 @@
 """Calibrates a camera from pictures, and measures where a tag is on its part."""
 
 import csv
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from drivers.camera.vision.sources import SUFFIXES, decoded
 from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import Sighting, find
 from drivers.planar import Pose2
+from runtime.shell.command import number
 from runtime.shell.errors import InputError
 
 ZERO: Pose2 = (0.0, 0.0, 0.0)
@@ -120,20 +122,21 @@ def read_poses(path: Path) -> tuple[Touched, ...]:
     The columns are `picture` (a path relative to the CSV file), `x_mm`, `y_mm` and optionally `theta_rad`.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
     except OSError as error:
         raise InputError(f"poses {path}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"poses {path}: is no text; write CSV") from error
-    return tuple(_touched(path, number, row) for number, row in enumerate(rows, start=2))
+    rows = [{} if None in row else row for row in rows]  # with more fields than the first line
+    return tuple(_touched(path, line, row) for line, row in enumerate(rows, start=2))
 
 
 def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
     try:
-        pose = float(row["x_mm"]), float(row["y_mm"]), float(row.get("theta_rad") or 0.0)
+        pose = number(row["x_mm"]), number(row["y_mm"]), number(row.get("theta_rad") or "0")
         return Touched(path.parent / row["picture"], pose)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, ArgumentTypeError) as error:
         raise InputError(
             f"poses {path}, line {line}: write a picture's name and numbers below the first line "
             "picture,x_mm,y_mm,theta_rad"

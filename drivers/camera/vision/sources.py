@@ -4,6 +4,7 @@ import http.client
 import threading
 import time
 import urllib.error
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -38,13 +39,14 @@ class Source:
         """Releases the camera."""
 
 
-def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
+def open_source(address: str, size: tuple[int, int] | None = None, after: str = "") -> Source:
     """Opens the source at an address.
 
     Args:
         address: `/dev/video0` or a device's number; `rtsp://...`; `http://...` (a JPEG, or a stream of them
             where the path ends in `.mjpg` or `.mjpeg`); a folder.
         size: width and height to set a device to.
+        after: name of the last picture of a folder that was taken already; "" for none.
 
     Raises:
         UnreachableError: the source does not exist.
@@ -58,7 +60,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
         raise UnreachableError(f"camera {address!r} is of no known kind; {KINDS}")
     path = Path(f"/dev/video{address}" if address.isdecimal() else address)
     if path.is_dir():
-        return Folder(path)
+        return Folder(path, after)
     if not path.exists():
         raise UnreachableError(f"there is no camera or folder {path}; check the cable and the name")
     if not path.is_char_device():
@@ -67,11 +69,15 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
 
 
 class Folder(Source):
-    """Source that returns each picture of a folder once, sorted by name, and waits for new ones."""
+    """Source that returns each picture of a folder once, sorted by name, and waits for new ones.
 
-    def __init__(self, path: Path) -> None:
+    Attributes:
+        last: name of the picture that was returned last; pictures up to this name are not returned.
+    """
+
+    def __init__(self, path: Path, last: str = "") -> None:
         self._path = path
-        self._last = ""
+        self.last = last
 
     def picture(self, until: float) -> Picture:
         """Waits for the next picture until the deadline, and returns it."""
@@ -79,7 +85,7 @@ class Folder(Source):
             if time.monotonic() >= until:
                 raise UnreachableError(f"folder {self._path} has no further picture")
             time.sleep(POLL_S)
-        self._last = name
+        self.last = name
         try:
             return self._whole(self._path / name, until)
         except OSError as error:
@@ -101,7 +107,7 @@ class Folder(Source):
         try:
             names = [one.name for one in self._path.iterdir() if one.suffix.lower() in SUFFIXES]
             # Hidden ones are drafts that are still being written.
-            new = (name for name in names if name > self._last and name[0] != ".")
+            new = (name for name in names if name > self.last and name[0] != ".")
             return min(new, default=None)
         except OSError as error:
             raise UnreachableError(f"folder {self._path}: {error.strerror}") from error
@@ -203,7 +209,11 @@ class Stream(Source):
 
 def decoded(data: bytes, name: str) -> Picture:
     """Decodes a picture file to grey levels, (h, w); raises a PictureError if the data is no picture."""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+    picture = None
+    with suppress(cv2.error):  # more pixels than OpenCV takes
+        picture = (
+            cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+        )
     if picture is None:
         raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")
     return np.asarray(picture, np.uint8)

@@ -176,6 +176,11 @@ def _readings(path: Path) -> list[list[list[float]]]:
             for count, row in enumerate(rows, 2):
                 if count > MOST_ROWS:
                     raise InputError(f"{path}: has more than {MOST_ROWS} rows")
+                if None in row:
+                    remedy = "write decimal points, and a comma between two fields only"
+                    raise InputError(
+                        f"{path}, row {count}: has more fields than its first row; {remedy}"
+                    )
                 part, appraiser, text = ((row[name] or "").strip() for name in COLUMNS)
                 if abs(value := number(text)) > MOST_VALUE:
                     raise InputError(f"{path}, row {count}: {text} is beyond {MOST_VALUE:g}")

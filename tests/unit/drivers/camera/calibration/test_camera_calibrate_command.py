@@ -107,6 +107,26 @@ def test_calibrate_tag_stated_place_is_saved(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (["--side", "nan"], "'nan' is not a number"),
+        (["--side", "-22"], "'-22' is not a positive number"),
+        (["--height", "inf"], "'inf' is not a number"),
+        (["--number", "587"], "no tag of the family 36h11"),
+        (["--at", "nan,0,0"], "'nan' is not a number"),
+        (["--at", "0,0"], "write X,Y,THETA"),
+        (["-o", "."], "'.' is no name of a file"),
+    ],
+)
+def test_calibrate_tag_value_without_a_meaning_is_refused(tmp_path, capsys, more, sentence):
+    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
+    with pytest.raises(SystemExit) as ended:
+        calibrate_command.main([*words, "-o", str(tmp_path / "tag.json"), *more])
+    said = capsys.readouterr().err
+    assert (ended.value.code, said.count("\n"), sentence in said) == (2, 1, True), said
+
+
+@pytest.mark.parametrize(
     ("more", "code", "sentence"),
     [
         (["--above", "--touched", "touched.csv", "--number", "7"], 3, "disagree by"),
@@ -126,7 +146,9 @@ def test_calibrate_camera_mistake_is_reported_in_one_line(
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("row", ["a.png,1.0,here", "a.png,1.0", "1.0"])
+@pytest.mark.parametrize(
+    "row", ["a.png,1.0,here", "a.png,1.0", "1.0", "a.png,nan,1", "a.png,1,5,2,0,0"]
+)
 def test_read_poses_bad_row_is_named(row, tmp_path):
     result = tmp_path / "poses.csv"
     result.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")

@@ -93,6 +93,12 @@ def test_folder_gives_each_picture_once_in_order_of_names(tmp_path):
     assert source.picture(soon())[0, 0] == 30
 
 
+def test_folder_after_a_picture_returns_only_later_ones(tmp_path):
+    for name, grey in (("a", 10), ("b", 20)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((4, 5), grey, np.uint8))
+    assert open_source(str(tmp_path), after="a.png").picture(soon())[0, 0] == 20
+
+
 def test_folder_unfinished_picture_is_waited_for(tmp_path):
     path = tmp_path / "a.png"
     path.touch()

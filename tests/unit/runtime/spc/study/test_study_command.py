@@ -193,6 +193,7 @@ def test_study_measurements_equal_aiag_example(tmp_path, capsys):
         (lambda rows: [], "at least two of each"),
         (lambda rows: [*rows[:5], ["P9", "A", "nan"]], "row 7: 'nan' is not a number"),
         (lambda rows: [*rows[:5], ["P9", "A"]], "row 7: '' is not a number"),
+        (lambda rows: [*rows[:5], ["P9", "A", "10", "91"]], "row 7: has more fields"),
         (lambda rows: [*rows[:5], ["P9", "A", "-1e200"]], "row 7: -1e200 is beyond 1e+12"),
         (lambda rows: [["P0", "A", 1.0], ["P0", "A", 2.0]], "at least two of each"),
     ],
