@@ -168,16 +168,19 @@ class ManualGripper:
         self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
         self._seen: GripperState | None = None  # state according to the last answer
         self._asked: int | None = None  # width of a request that nobody has waited for yet, um
+        self._unanswered = ""  # why the state is not known; "" if it is
         self._closed = False
 
     def state(self) -> GripperState:
         """Returns the state according to the person's last answer; before the first answer, open jaws.
 
         Raises:
-            LinkError: the gripper was closed.
+            LinkError: the gripper was closed, or the person has not answered the last question.
         """
         if self._closed:
             raise LinkError("the gripper was closed")
+        if self._unanswered:
+            raise LinkError(self._unanswered)
         return self._seen or self._open
 
     def activate(self) -> None:
@@ -239,7 +242,8 @@ class ManualGripper:
         try:
             return PERSON.ask(sentence, ANSWER_S)
         except (EOFError, TimeoutError) as error:
-            raise LinkError(f"the gripper's width is not known: {error}") from error
+            self._unanswered = f"the gripper's width is not known: {error}"
+            raise LinkError(self._unanswered) from error
 
 
 def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState:

@@ -16,6 +16,8 @@ SPARE_DEG = 10.0  # margin at both ends of the last axis's range
 # work area.
 SPARE_BLIND_DEG = 90.0
 
+UNIT = 1e-3  # largest difference of a quaternion's length from 1
+
 Box = tuple[float, float, float, float, float, float]  # mm: least x, y, z, then greatest x, y, z
 
 
@@ -50,7 +52,7 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
     """Parses the frames and limits that follow the `?` in the address of an arm.
 
     Raises:
-        PortError: a setting is invalid.
+        PortError: a setting is invalid, stated twice, or without effect.
     """
     settings: dict[str, Any] = {}
     for name, text in parse_qsl(url.partition("?")[2], keep_blank_values=True):
@@ -58,6 +60,10 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
             numbers = [float(number) for number in text.split(",")]
         except ValueError:
             numbers = []
+        if not all(map(math.isfinite, numbers)) or not _is_sound(name, numbers):
+            numbers = []
+        if name.replace("reach", "reach_mm") in settings:
+            raise PortError(f"arm {url}: {name} is stated twice; state it once")
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
             rotation = tuple(numbers[3:]) or IDENTITY.rotation
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
@@ -68,10 +74,22 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
         else:
             raise PortError(
                 f"arm {url}: {name}={text} is not understood; tool, work_object and base take x,y,z in mm "
-                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, wrist the last axis's range in degrees, "
-                "reach mm from the base"
+                "(and a quaternion w,x,y,z), area takes x,y,z,x,y,z, the least ones first, wrist the last "
+                "axis's range in degrees, reach mm from the base"
             )
+    if "reach_mm" in settings and "base" not in settings:
+        raise PortError(f"arm {url}: reach counts from the base; state base, too")
     return Setup(**settings, read_only=read_only)
+
+
+def _is_sound(name: str, numbers: list[float]) -> bool:
+    """Whether limits are in order, and a quaternion is one."""
+    if name in {"area", "wrist"}:
+        half = len(numbers) // 2
+        return all(low < high for low, high in zip(numbers[:half], numbers[half:], strict=False))
+    if name == "reach":
+        return all(number > 0.0 for number in numbers)
+    return len(numbers) != 7 or abs(math.hypot(*numbers[3:]) - 1.0) < UNIT
 
 
 def within_irb_120(flange: Pose) -> bool:

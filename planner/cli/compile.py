@@ -185,10 +185,11 @@ def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
     if "takt_s" in figures:
         yield takt_text(figures)
     yield f"error {error['median']:.2f} mm median, 95 % within {error['p95']:.2f} mm, where resolved"
-    if job.part.height_mm is None:
+    if low := [alone.name for alone in job.alone if alone.part.height_mm is None]:
         tips_mm = job.cell.squeeze_height_mm
         met = f"tips at squeeze_height_mm = {tips_mm:g} meet a part of {tips_mm + tips.MARGIN_MM:g} mm"
-        yield f"height_mm of [part] is not stated: {met} or more"
+        of = f" of {' and '.join(low)}" if job.hypothesis else " of [part]"
+        yield f"height_mm{of} is not stated: {met} or more"
     for line in (*hardly_located(plan.evaluation), *warnings_of(job)):
         yield f"warning: {line}"
     yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"

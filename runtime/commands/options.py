@@ -153,6 +153,23 @@ def run_options(
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Places | None:
+    """The places that `--deliver` or the table's job states; None: parts are not delivered.
+
+    Raises:
+        UsageError: a place is stated, and the table's goal leaves open where a part lies.
+    """
+    places = _places(words, table)
+    goal = table.goal
+    if places is not None and (goal.kind == "orientation" or goal.modes > 1):
+        kind = f"{goal.kind} ({goal.modes} poses)" if goal.modes > 1 else goal.kind
+        raise UsageError(
+            f"the table's goal, {kind}, leaves open where a part lies, so it cannot be delivered; "
+            "--deliver no runs without"
+        )
+    return places
+
+
+def _places(words: list[str] | None, table: Table) -> delivery.Places | None:
     if words is None or words == ["job"]:
         return delivery.from_job(job_of(table))
     if words == ["no"]:

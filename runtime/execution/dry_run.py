@@ -58,7 +58,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> Itera
         forces = strokes.raising(node.squeeze, handling, calibration.profile)
         plan_of_jaws += [plan_of_jaws[-1]._replace(force_n=force) for force in forces]
         requests = [
-            f"{s.request_um / 1000:.2f} mm at {s.speed_mm_s:.0f} mm/s with {s.force_n:.0f} N"
+            f"{max(s.request_um, 0) / 1000:.2f} mm at {s.speed_mm_s:.0f} mm/s with {s.force_n:.0f} N"
             for s in plan_of_jaws
         ]
         yield (

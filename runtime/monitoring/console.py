@@ -155,7 +155,7 @@ def _goal(goal: GoalSpec) -> str:
     if goal.kind in ("pose", "modes"):
         return f"{goal.distance_um / 1000:g} mm"
     tolerance = goal.tolerance
-    turn = f"{degrees(tolerance.theta_urad / 1e6):g} deg"
+    turn = f"{round(degrees(tolerance.theta_urad / 1e6), 3):g} deg"
     if goal.kind == "orientation":
         return turn
     return f"{tolerance.x_um / 1000:g} mm, {tolerance.y_um / 1000:g} mm, {turn}"

@@ -206,8 +206,10 @@ def _counted(names: Iterator[str]) -> dict[str, int]:
 
 
 def _names(history: History) -> Iterator[NameRow]:
-    """Yields a row for each hypothesis; nothing for a table of a single part."""
+    """Yields a row for each hypothesis; nothing for a table of a single part, or that has to name none."""
     table = history.table
+    if not table.goal.identify:
+        return
     resolved = (part.leaf for part in history.parts if part.outcome == "leaf")
     given = Counter(table.leaves[leaf].hypothesis for leaf in resolved if leaf is not None)
     for number, hypothesis in enumerate(table.hypotheses):

@@ -26,7 +26,7 @@ from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.journal.chain import records
-from runtime.table import Table, dump
+from runtime.table import Table, Tolerance, dump
 from runtime.traversal.results import Outcome
 
 # With this drop-off each part that takes both squeezes turns the hand once round in the same direction.
@@ -125,6 +125,23 @@ def test_check_and_dry_run_unreachable_drop_off_is_refused(
         code, words = output(*dry[:-1], f"{dry[-1]}&wrist=170,190", "--deliver", "50,0,180")
         assert (code, words.count("\n"), "wrist" in words) == (20, 1, True)
         assert set(arm.codes) <= {0, 3, 4, 99}
+
+
+@pytest.mark.parametrize(
+    ("goal", "named"),
+    [({"kind": "orientation"}, "orientation"), ({"kind": "modes", "modes": 2}, "modes (2 poses)")],
+)
+def test_delivery_under_a_goal_that_leaves_the_pose_open_is_refused(
+    tmp_path: Path, goal: dict[str, object], named: str
+) -> None:
+    tree = tmp_path / "t.msgpack"
+    table = small_table()
+    tolerance = Tolerance(0, 0, 87_266 if goal["kind"] == "orientation" else 0)
+    dump(replace(table, goal=replace(table.goal, **goal, tolerance=tolerance)), tree)
+    code, _, err = called(main, "--tree", tree, "--check", "--deliver", "50,0,180")
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"the table's goal, {named}, leaves open where a part lies" in err
+    assert called(main, "--tree", tree, "--check", "--deliver", "no")[0] == 0
 
 
 def test_delivery_of_slipping_part_is_fault_and_keeps_leaf() -> None:
