@@ -13,7 +13,7 @@ from drivers.abb.codec import Pose, ProtocolError, Reply
 from drivers.abb.reach import Setup, setup_of
 from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, ReadOnlyError, read_late
+from drivers.errors import ArmError, PortError, ReadOnlyError, read_late
 from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
@@ -157,6 +157,10 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
         ArmError: the other side is not an open_abb server, or serves another client.
     """
     setup = setup_of(url, read_only=read_only)
+    if setup.reach_mm < math.inf:
+        raise PortError(
+            f"arm {url}: the reach of an arm at tcp:// is that of its model; leave it out"
+        )
     endpoint = url.partition("?")[0]
     host, port = tcp_address(endpoint)
     hint = "start SERVER.mod and check its ipController"

@@ -65,7 +65,8 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
         if name.replace("reach", "reach_mm") in settings:
             raise PortError(f"arm {url}: {name} is stated twice; state it once")
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
-            rotation = tuple(numbers[3:]) or IDENTITY.rotation
+            length = math.hypot(*numbers[3:])
+            rotation = tuple(number / length for number in numbers[3:]) or IDENTITY.rotation
             settings[name] = Pose(numbers[0], numbers[1], numbers[2], rotation)  # type: ignore[arg-type]
         elif (name, len(numbers)) in {("area", 6), ("wrist", 2)}:
             settings[name] = tuple(numbers)

@@ -120,6 +120,8 @@ def findings(
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
+    elif known is not None and profile is not None:
+        known.of(profile)  # refuses a calibration of other jaws
     yield from check_controllers(filter(None, (port, arm_url)))
     yield from _gripper_findings(port, profile, drivers)
     if arm_url is not None:

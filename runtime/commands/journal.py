@@ -89,7 +89,7 @@ def _subcommand(subcommands: Commands, name: str, body: object, help_text: str) 
 
 def _verify(arguments: argparse.Namespace) -> int:
     seen = verify(arguments.journal)
-    end = "ended" if seen.closed else "BROKE OFF"
+    end = "ended" if seen.closed else "is under way, or BROKE OFF"
     where = f" and {seen.segments + 1} files" if seen.segments else ""
     counted = f"{seen.records} records in {seen.runs} runs{where}"
     line = f"{arguments.journal}: {counted} verify; the last run {end}"

@@ -17,6 +17,7 @@ from runtime.shell import strict_json
 from runtime.shell.errors import InputError
 from runtime.shell.files import writing
 from runtime.table import PROFILES, Calibration
+from runtime.table.grippers import known
 
 FORMAT = 2
 LEAST_BLOCKS = 3
@@ -63,7 +64,7 @@ class GripperCalibration:
         Raises:
             InputError: the calibrated jaws open by more or less than those of the profile's model.
         """
-        preset = PROFILES.get(profile.model)
+        preset = known(profile.model)
         stroke_um = self.points_um[-1][0] * POINTS / (POINTS + BEYOND)
         if preset is not None and abs(stroke_um - preset.stroke_um) > OTHER * preset.stroke_um:
             opens = f"opens {stroke_um / 1000:.3g} mm, a {profile.model} {preset.stroke_um / 1000:.3g} mm"

@@ -31,8 +31,6 @@ PIECE_BYTES = 1024
 MOST_UNREAD_BYTES = 1 << 16  # most bytes of answers that a client does not read
 # A connection to a PLC without power is closed after 3 + 3 x 1 s; then another client may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
-# functions that access coils and discrete inputs, of which there are none
-BIT_FUNCTIONS = frozenset({1, 2, 5, 15})
 # Lengths of the requests (PDU) of the supported functions; None: variable.
 LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}
 
@@ -182,8 +180,6 @@ class Connection(asyncio.BufferedProtocol):
 
     def _answer(self, pdu: bytes, unit: int) -> ModbusPDU:
         function = pdu[0]
-        if function in BIT_FUNCTIONS:
-            return ExceptionResponse(function, ExcCodes.ILLEGAL_ADDRESS)
         if function not in LENGTHS:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_FUNCTION)
         whole = LENGTHS[function] in (None, len(pdu))

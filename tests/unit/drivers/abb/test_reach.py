@@ -19,6 +19,8 @@ def test_setup_of_settings_are_frames_and_limits():
     assert (setup.area, setup.wrist, setup.reach_mm) == ((-1, -2, 0, 1, 2, 3), (-180, 180), 580)
     assert setup.read_only
     assert setup_of(ARM, read_only=False).reach_mm == math.inf
+    rounded = setup_of(f"{ARM}work_object=0,0,0,0.7071,0,0,0.7071", read_only=False)
+    assert math.hypot(*rounded.work_object.rotation) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
