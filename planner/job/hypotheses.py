@@ -85,12 +85,17 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
         document: the canonical document of the part as stated.
 
     Raises:
-        InputError: the part's limit surface is a quartic.
+        InputError: the part's limit surface is a quartic, or both faces look alike and the part has picks.
     """
     part, pressure = dict(document["part"]), dict(document["pressure"])
     outline = np.array(part["outline_mm"])
     mirrored = np.concatenate([outline[:1], outline[:0:-1]]) * np.array([1.0, -1.0]) + 0.0
     if symmetry.congruent(outline, mirrored):
+        if part.get("picks"):
+            problem = "hold for one face, and no squeeze tells the faces apart"
+            raise InputError(
+                f'{problem}; drop them, or faces = "either"', section="part", key="picks"
+            )
         return None
     if pressure.get("quartic") is not None:
         problem = 'of a quartic goes with one face; drop faces = "either"'

@@ -26,10 +26,12 @@ from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
+from runtime.shell.plain_text import is_plain
 from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, profile_of
 
 Measured = dict[str, Any]
 DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
+MOST_NAME = 80  # characters of a gripper's name
 OF_THE_AUDIT = {
     "camera": "lens and place of the audit's camera, from pictures of a board",
     "tag": "where a tag is on its part",
@@ -191,6 +193,11 @@ def _checked(
         raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < calibration.LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
         raise UsageError(f"--blocks {named!r}: name at least {calibration.LEAST_BLOCKS}, each once")
+    stroke_mm = profile_of(arguments.model).stroke_um / 1000
+    if widths_mm[-1] > stroke_mm:
+        raise UsageError(f"--blocks {named!r}: a {arguments.model} opens {stroke_mm:g} mm")
+    if not is_plain(arguments.gripper, MOST_NAME):
+        raise UsageError(f"--gripper {arguments.gripper!r}: name it in one line of printable characters")
     usable(arguments.output)
     tips = _pair("--tips", arguments.tips)
     current = _pair("--current", arguments.current)

@@ -52,7 +52,10 @@ class GripperModel(Fingers):
 
     def _begin(self) -> None:
         if self.profile.counts is None:
-            raise UsageError(f"there is no simulated gripper {self.profile.model}")
+            raise UsageError(
+                f"no simulated {self.profile.model} reads in steps of {self.profile.resolution_um:g} um; "
+                "leave resolution_mm out of the job, and compile it again"
+            )
         self._open, self._closed = self.profile.counts
         self._counts_per_mm = (self._closed - self._open) / (self.profile.stroke_um / 1000.0)
         self._heard_s = self._silent_until_s = 0.0

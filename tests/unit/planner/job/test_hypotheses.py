@@ -89,6 +89,15 @@ def test_of_document_foreign_part_is_kept_apart_from_hypotheses():
     assert len(job.alone) == 3
 
 
+def test_load_either_face_that_looks_alike_with_picks_is_refused():
+    """No squeeze tells the faces of a rectangle apart; so nobody knows at which place a pick is."""
+    path = TREES / "rectangle" / "job.toml"
+    assert not job_file.load(path, {"part": {"faces": "either"}}).hypothesis
+    named = {"faces": "either", "datum": [0, 0, 0], "picks": {"rim": [5, 2, 10]}}
+    with pytest.raises(InputError, match="no squeeze tells the faces apart"):
+        job_file.load(path, {"part": named})
+
+
 def test_load_either_face_mirrors_datum_and_picks():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})

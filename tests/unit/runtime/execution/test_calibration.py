@@ -221,6 +221,7 @@ def test_calibrate_without_a_terminal_moves_nothing(
     [
         *(f"--blocks={blocks}" for blocks in ("1,two", "-1,2,3", "0,5,nan", "0,inf,5", "0,10")),
         *("--blocks=0,10,10", "--grips=0", "--tips=1,2,3", "--current=800", "--output=none/g.json"),
+        *("--blocks=0,5,100", "--tips=5,9", "--current=500,100", "--gripper=x\ny", "--gripper="),
     ],
 )
 def test_calibrate_wrong_arguments_are_refused_before_opening(tmp_path, wrong):
