@@ -197,7 +197,9 @@ def _checked(
     if widths_mm[-1] > stroke_mm:
         raise UsageError(f"--blocks {named!r}: a {arguments.model} opens {stroke_mm:g} mm")
     if not is_plain(arguments.gripper, MOST_NAME):
-        raise UsageError(f"--gripper {arguments.gripper!r}: name it in one line of printable characters")
+        raise UsageError(
+            f"--gripper {arguments.gripper!r}: name it in one line of printable characters"
+        )
     usable(arguments.output)
     tips = _pair("--tips", arguments.tips)
     current = _pair("--current", arguments.current)
