@@ -55,14 +55,15 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
         PortError: a setting is invalid, stated twice, or without effect.
     """
     settings: dict[str, Any] = {}
-    for name, text in parse_qsl(url.partition("?")[2], keep_blank_values=True):
+    stated = parse_qsl(url.partition("?")[2], keep_blank_values=True)
+    for name, text in stated:
         try:
             numbers = [float(number) for number in text.split(",")]
         except ValueError:
             numbers = []
         if not all(map(math.isfinite, numbers)) or not _is_sound(name, numbers):
             numbers = []
-        if name.replace("reach", "reach_mm") in settings:
+        if [other for other, _ in stated].count(name) > 1:
             raise PortError(f"arm {url}: {name} is stated twice; state it once")
         if name in {"tool", "work_object", "base"} and len(numbers) in {3, 7}:
             length = math.hypot(*numbers[3:])
@@ -84,7 +85,7 @@ def setup_of(url: str, *, read_only: bool) -> Setup:
 
 
 def _is_sound(name: str, numbers: list[float]) -> bool:
-    """Whether limits are in order, and a quaternion is one."""
+    """Whether limits are in order, and a quaternion has the length 1."""
     if name in {"area", "wrist"}:
         half = len(numbers) // 2
         return all(low < high for low, high in zip(numbers[:half], numbers[half:], strict=False))

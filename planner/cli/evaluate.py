@@ -224,14 +224,13 @@ def _real(job: Job, arguments: argparse.Namespace) -> Job:
         UsageError: a change has no effect on a world, or leads to another number of parts.
     """
     changes = changes_of(arguments.world_set)
-    for name in sorted(changes.keys() & WITHOUT_EFFECT):
-        raise UsageError(
-            f"--world-set {name}: no world depends on it; change the job, and compile it"
-        )
+    if useless := sorted(changes.keys() & WITHOUT_EFFECT):
+        problem = f"--world-set {useless[0]}: no world depends on it"
+        raise UsageError(f"{problem}; change the job, and compile it")
     real = job.replaced("the job with --world-set", **changes)
     if len(real.alone) != len(job.alone):
-        stated = f"{len(real.alone)} parts, those of the table are {len(job.alone)}"
-        raise UsageError(f"--world-set leads to {stated}; change the job, and compile it")
+        problem = f"--world-set leads to {len(real.alone)} parts, the table knows {len(job.alone)}"
+        raise UsageError(f"{problem}; change the job, and compile it")
     return real
 
 

@@ -62,9 +62,8 @@ def parser() -> Parser:
     growth = "memory that the process may gain before it restarts (default: %(default)s)"
     add("--deadline", type=positive, default=5.0, metavar="S", help=answer)
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help=growth)
-    add(
-        "--after", default="", help=argparse.SUPPRESS
-    )  # after a restart: the last picture of a folder
+    # Only for the restart in `judge`: the last picture that was taken from a folder.
+    add("--after", default="", help=argparse.SUPPRESS)
     command.add_debug()
     reports = "success, residuals and control charts from journals"
     commands.add_parser("report", help=reports, add_help=False)

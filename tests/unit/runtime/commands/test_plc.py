@@ -194,18 +194,24 @@ def withdrawing(
     return program
 
 
-@pytest.mark.parametrize("enables_again", [False, True])
-def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree, enables_again):
-    rig, triggered = fake_cell([AT_21]), threading.Event()
+def activated_after(event: threading.Event) -> FakeCell:
+    """A cell whose gripper is not active, and whose activation lasts until the event."""
+    rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
     sweep = rig.gripper.activate
 
     def slow_sweep():
-        triggered.wait(30)
+        event.wait(30)
         sweep()
 
     rig.gripper.activate = slow_sweep
+    return rig
 
+
+@pytest.mark.parametrize("enables_again", [False, True])
+def test_plc_run_enable_withdrawn_before_part_moves_nothing(tmp_path, tree, enables_again):
+    triggered = threading.Event()
+    rig = activated_after(triggered)
     running = Running(tmp_path, rig, tree, count=1)
     assert running.run(withdrawing(rig, triggered, enables_again)) == 0
     triggers = [each for each in running.kept() if each["kind"] == "trigger"]
@@ -279,13 +285,7 @@ def test_plc_run_stop_between_parts_ends_run(tmp_path, tree):
 
 
 def test_plc_run_stop_before_triggered_part_begins_records_its_trigger(tmp_path, tree):
-    rig, struck = fake_cell([AT_21]), threading.Event()
-    rig.gripper.now = State(activated=False)
-    sweep = rig.gripper.activate
-
-    def slow_sweep():
-        struck.wait(30)
-        sweep()
+    struck = threading.Event()
 
     def program(client):
         client.enable()
@@ -295,8 +295,7 @@ def test_plc_run_stop_before_triggered_part_begins_records_its_trigger(tmp_path,
         result = client.result(9)
         assert (result["outcome"], result["exit_code"]) == (4, 40)
 
-    rig.gripper.activate = slow_sweep
-    running = Running(tmp_path, rig, tree)
+    running = Running(tmp_path, activated_after(struck), tree)
     with pytest.raises(KeyboardInterrupt):
         running.run(program)
     *_, trigger, end = running.kept()
